@@ -1,0 +1,42 @@
+//! `mavobserver`: what acts on a flying vehicle, with a bound on the error, from the telemetry it already sends.
+//!
+//! Bytes become frames, frames become samples, samples become measurements, measurements become estimates:
+//!
+//! ```text
+//!  bytes ─► wire ─► telemetry ─► observers ─► wind ─► outputs ─► bytes
+//!            │      (Sample,      (Estimate)            (MAVLink)
+//!            │      Measurement)
+//!            └────────────── daemon: router, recorder, untouched frames
+//! ```
+//!
+//! | folder | what lives there | may import |
+//! |---|---|---|
+//! | [`sets`] | intervals and other sets with outward rounding | nothing |
+//! | [`sdp`] | affine matrix expressions, LMIs, log-det, the Clarabel bridge, verification | nothing |
+//! | [`signal`] | `Stamp`, `Sample`, `Measurement`, `Estimate`: the values that flow | nothing |
+//! | [`vehicle`] | rigid body, rotors, drag, actuator → wrench, presets | `sets`, `signal` |
+//! | [`observers`] | the `Observer` trait, its registry, one room per paper | `sets`, `sdp`, `vehicle`, `signal` |
+//! | [`wind`] | wrench → wind velocity with its bound | `sets`, `vehicle`, `signal` |
+//! | [`wire`] | MAVLink framing, dialects, link statistics | nothing |
+//! | [`telemetry`] | MAVLink → `Sample` → `Measurement`; clocks | `wire`, `signal`, `vehicle` |
+//! | [`pipeline`] | one vehicle's chain from frames to a snapshot; no I/O | all of the above |
+//! | [`outputs`] | snapshot → MAVLink messages | `wire`, `signal`, `pipeline` |
+//! | [`config`] | TOML → checked config, every issue at once | `vehicle`, `observers`, `pipeline`, `wire` |
+//! | [`daemon`] | links, forwarding, recording: the only place with tokio | everything |
+//! | [`cli`] | one file per subcommand | everything |
+//!
+//! `tests/architecture.rs` holds the `use` lines of the sources against this table.
+
+pub mod cli;
+pub mod config;
+pub mod daemon;
+pub mod observers;
+pub mod outputs;
+pub mod pipeline;
+pub mod sdp;
+pub mod sets;
+pub mod signal;
+pub mod telemetry;
+pub mod vehicle;
+pub mod wind;
+pub mod wire;

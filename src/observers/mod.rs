@@ -1,0 +1,31 @@
+//! The observers: one trait, one registry, one room per paper.
+//!
+//! In: [`Measurement`]s of one vehicle. Out: [`Estimate`]s with bounds and a verdict. An observer knows no MAVLink, no
+//! clock, no I/O and no async runtime; its gains are designed in its builder, never in `step`.
+//! Imports `sets`, `sdp`, `vehicle` and `signal` only.
+
+pub mod quadratic_bounded;
+
+use crate::signal::{Channel, Estimate, Measurement, Signal};
+
+/// Why a step gave no estimate. Missing data and broken assumptions are verdicts inside the estimate, not errors.
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+pub enum StepError {
+    #[error("the state is no longer finite (first in {signal}); the observer was reset")]
+    NotFinite { signal: &'static str },
+}
+
+/// A recursive estimator of what cannot be measured, for one vehicle.
+pub trait Observer: Send {
+    /// Name, unit and frame of each estimated scalar, in the order of the estimate's values.
+    fn signals(&self) -> &[Signal];
+
+    /// The channels without which it is starved.
+    fn needs(&self) -> &[Channel];
+
+    /// Takes in one measurement. Time comes from the measurement alone.
+    fn step(&mut self, m: &Measurement) -> Result<&Estimate, StepError>;
+
+    /// Forgets everything but the design.
+    fn reset(&mut self);
+}

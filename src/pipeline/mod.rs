@@ -1,0 +1,10 @@
+//! One vehicle's chain from frames to a [`Snapshot`], and the [`Fleet`] of all vehicles on the links.
+//!
+//! In: frames with their receive time. Out: events: a snapshot per measurement, notices on state changes. No I/O, no
+//! clock, no async runtime: `replay` and the daemon run the very same code, so they give the very same numbers.
+
+mod snapshot;
+
+pub use snapshot::{
+    FaultMask, ObserverReport, Snapshot, VehicleId, WindEstimate, WrenchEstimate,
+};

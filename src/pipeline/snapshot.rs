@@ -1,0 +1,71 @@
+use crate::signal::{Estimate, Guarantee, Signal, Stamp, Verdict};
+use nalgebra::Vector3;
+use std::fmt;
+
+/// One vehicle: a MAVLink system and the component that is its autopilot.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord)]
+pub struct VehicleId {
+    pub system: u8,
+    pub component: u8,
+}
+
+impl fmt::Display for VehicleId {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{}/{}", self.system, self.component)
+    }
+}
+
+/// The residual wrench: everything the vehicle model without drag does not explain (air, contact, model error).
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct WrenchEstimate {
+    /// N, world NED.
+    pub force_ned_n: Vector3<f64>,
+    /// N; infinite where nothing is claimed.
+    pub force_half_width_n: Vector3<f64>,
+    /// N m, body FRD.
+    pub torque_frd_nm: Vector3<f64>,
+    pub torque_half_width_nm: Vector3<f64>,
+    pub guarantee: Guarantee,
+    pub verdict: Verdict,
+}
+
+/// Velocity of the air over ground (*towards*), world NED, m/s.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct WindEstimate {
+    pub velocity_ned_mps: Vector3<f64>,
+    /// m/s; infinite where nothing is claimed.
+    pub half_width_mps: Vector3<f64>,
+    pub guarantee: Guarantee,
+}
+
+/// Active faults, one bit each; the order is that of the `mavobserver.xml` enum MAVOBSERVER_FAULT.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub struct FaultMask(pub u32);
+
+/// What one observer says about itself in a snapshot.
+#[derive(Debug, Clone, Copy)]
+pub struct ObserverReport<'a> {
+    /// Registry name, such as `quadratic_bounded`.
+    pub name: &'static str,
+    /// Position in the registry; the id in STATE_BOUNDS and OBSERVER_STATUS.
+    pub id: u8,
+    pub signals: &'a [Signal],
+    pub estimate: &'a Estimate,
+    /// Steps taken since start.
+    pub steps: u64,
+}
+
+/// Everything known about one vehicle after one measurement.
+#[derive(Debug, Clone)]
+pub struct Snapshot<'a> {
+    pub vehicle: VehicleId,
+    /// Boot time of the measurement.
+    pub stamp: Stamp,
+    /// When the frame that completed the measurement was received, µs since 1970.
+    pub received_unix_us: u64,
+    pub wrench: Option<WrenchEstimate>,
+    pub wind: Option<WindEstimate>,
+    pub faults: FaultMask,
+    pub verdict: Verdict,
+    pub observers: &'a [ObserverReport<'a>],
+}
