@@ -5,6 +5,4 @@
 
 mod snapshot;
 
-pub use snapshot::{
-    FaultMask, ObserverReport, Snapshot, VehicleId, WindEstimate, WrenchEstimate,
-};
+pub use snapshot::{FaultMask, ObserverReport, Snapshot, VehicleId, WindEstimate, WrenchEstimate};

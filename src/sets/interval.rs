@@ -99,7 +99,10 @@ impl Mul for Interval {
         if p.iter().any(|x| x.is_nan()) {
             return Self::new(f64::NAN, f64::NAN);
         }
-        Self::outward(p.iter().copied().fold(f64::INFINITY, f64::min), p.iter().copied().fold(f64::NEG_INFINITY, f64::max))
+        Self::outward(
+            p.iter().copied().fold(f64::INFINITY, f64::min),
+            p.iter().copied().fold(f64::NEG_INFINITY, f64::max),
+        )
     }
 }
 
