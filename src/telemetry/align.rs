@@ -1,0 +1,393 @@
+use super::history::{History, Lookup};
+use crate::signal::{
+    Aged, Channel, Discontinuity, Gate, Imu, ImuSource, MAX_ROTORS, Measurement, RotorCommands, Sample, SampleKind,
+    Stamp,
+};
+use crate::vehicle::Vehicle;
+use nalgebra::{UnitQuaternion, Vector3};
+
+/// IMU samples closer together than this are averaged into one measurement, s.
+const MIN_PERIOD_S: f64 = 0.0095;
+/// A measurement waits at most this long (by the vehicle's clock) for samples of the other channels, s.
+const HORIZON_S: f64 = 0.25;
+/// A gap between IMU samples longer than this breaks continuity, s.
+const GAP_S: f64 = 2.0;
+/// A channel whose newest sample is older than this is missing, s.
+const STALE_S: f64 = 1.0;
+/// A better IMU source that stays silent this long gives way to the next one, s.
+const SOURCE_TIMEOUT_S: f64 = 2.0;
+/// Attitude may differ by this from what the gyro predicts before it counts as a reset of the estimator, rad.
+const ATTITUDE_JUMP_RAD: f64 = 0.14;
+/// Velocity may move by this beside the accelerometer's word before it counts as a reset, m/s.
+const VELOCITY_JUMP_MPS: f64 = 1.5;
+
+#[derive(Debug, Clone, Copy)]
+struct Kinematics {
+    position_ned_m: Option<Vector3<f64>>,
+    velocity_ned_mps: Vector3<f64>,
+}
+
+#[derive(Debug, Clone, Copy)]
+struct Outputs {
+    values: [f64; MAX_ROTORS],
+}
+
+/// IMU samples being averaged into one measurement.
+#[derive(Debug, Clone, Copy)]
+struct Pending {
+    first: Stamp,
+    /// Sum of offsets from `first`, s.
+    offset_s: f64,
+    accel: Vector3<f64>,
+    rate: Vector3<f64>,
+    n: f64,
+}
+
+impl Pending {
+    fn new(stamp: Stamp, accel: Vector3<f64>, rate: Vector3<f64>) -> Self {
+        Self { first: stamp, offset_s: 0.0, accel, rate, n: 1.0 }
+    }
+
+    fn add(&mut self, stamp: Stamp, accel: Vector3<f64>, rate: Vector3<f64>) {
+        self.offset_s += stamp - self.first;
+        self.accel += accel;
+        self.rate += rate;
+        self.n += 1.0;
+    }
+
+    fn mean(&self) -> (Stamp, Imu) {
+        (
+            self.first.plus_secs(self.offset_s / self.n),
+            Imu { accel_frd_mps2: self.accel / self.n, rate_frd_rads: self.rate / self.n },
+        )
+    }
+}
+
+/// Brings one vehicle's channels to common instants.
+///
+/// Every IMU sample (or the mean of samples less than 10 ms apart) makes one measurement. It stands at the instant at
+/// which the sensor really felt it (its stamp less the sensor's delay). Attitude, velocity and position are
+/// interpolated to that instant, rotor commands averaged over the time since the last one; a measurement waits for
+/// them up to a horizon and then goes with what there is, each with its age.
+#[derive(Debug)]
+pub struct Aligner {
+    /// Delay of the IMU's stamps, s.
+    imu_delay_s: f64,
+    rotor_delay_s: f64,
+    at_zero: f64,
+    span: f64,
+    outputs_of_rotors: [usize; MAX_ROTORS],
+    rotor_count: usize,
+
+    source: Option<(ImuSource, Stamp)>,
+    pending: Option<Pending>,
+    ready: History<Imu, 64>,
+    attitude: History<UnitQuaternion<f64>, 64>,
+    kinematics: History<Kinematics, 64>,
+    outputs: History<Outputs, 64>,
+    mag: Option<(Stamp, Vector3<f64>)>,
+    gnss: Option<Stamp>,
+    rpm: Option<(Stamp, [f64; MAX_ROTORS])>,
+    voltage: Option<(Stamp, f64)>,
+    pressure: Option<(Stamp, f64)>,
+    gate: Gate,
+
+    last: Option<Measurement>,
+    broken: Option<Discontinuity>,
+    newest_imu: Option<Stamp>,
+}
+
+impl Aligner {
+    pub fn new(vehicle: &Vehicle) -> Self {
+        let mut outputs_of_rotors = [0; MAX_ROTORS];
+        for (o, r) in outputs_of_rotors.iter_mut().zip(&vehicle.rotors) {
+            *o = r.output;
+        }
+        Self {
+            imu_delay_s: vehicle.sensors.gyro_delay_s,
+            rotor_delay_s: vehicle.dynamics.delay_s,
+            at_zero: vehicle.actuators.at_zero,
+            span: vehicle.actuators.at_full - vehicle.actuators.at_zero,
+            outputs_of_rotors,
+            rotor_count: vehicle.rotors.len().min(MAX_ROTORS),
+            source: None,
+            pending: None,
+            ready: History::default(),
+            attitude: History::default(),
+            kinematics: History::default(),
+            outputs: History::default(),
+            mag: None,
+            gnss: None,
+            rpm: None,
+            voltage: None,
+            pressure: None,
+            gate: Gate::default(),
+            last: None,
+            broken: Some(Discontinuity::First),
+            newest_imu: None,
+        }
+    }
+
+    /// Rotor `rotor` (0-based) is driven by output `output` (0-based): from the autopilot's own parameters.
+    pub fn map_rotor(&mut self, rotor: usize, output: usize) {
+        if let Some(o) = self.outputs_of_rotors.get_mut(rotor) {
+            *o = output;
+        }
+    }
+
+    pub fn gate(&self) -> Gate {
+        self.gate
+    }
+
+    /// Drops all history: the vehicle restarted.
+    pub fn restart(&mut self) {
+        self.source = None;
+        self.pending = None;
+        self.ready.clear();
+        self.attitude.clear();
+        self.kinematics.clear();
+        self.outputs.clear();
+        self.mag = None;
+        self.gnss = None;
+        self.rpm = None;
+        self.voltage = None;
+        self.pressure = None;
+        self.gate = Gate::default();
+        self.last = None;
+        self.broken = Some(Discontinuity::Reboot);
+        self.newest_imu = None;
+    }
+
+    /// The autopilot says that its estimate jumped.
+    pub fn estimator_reset(&mut self) {
+        self.broken.get_or_insert(Discontinuity::EstimatorReset);
+    }
+
+    pub fn push(&mut self, sample: Sample) {
+        let t = sample.stamp;
+        match sample.kind {
+            SampleKind::Imu { source, accel_frd_mps2, rate_frd_rads } => {
+                if self.accept_source(source, t) {
+                    self.push_imu(t, accel_frd_mps2, rate_frd_rads);
+                }
+            }
+            SampleKind::Mag { field_frd_gauss } => self.mag = Some((t, field_frd_gauss)),
+            SampleKind::Attitude { body_to_ned } => self.attitude.push(t, body_to_ned),
+            SampleKind::LocalPosition { position_ned_m, velocity_ned_mps } => self
+                .kinematics
+                .push(t, Kinematics { position_ned_m: Some(position_ned_m), velocity_ned_mps }),
+            SampleKind::GlobalPosition { velocity_ned_mps, .. } => {
+                self.kinematics.push(t, Kinematics { position_ned_m: None, velocity_ned_mps });
+            }
+            SampleKind::Actuators { outputs, .. } => self.outputs.push(t, Outputs { values: outputs }),
+            SampleKind::RotorRpm { rpm } => self.rpm = Some((t, rpm)),
+            SampleKind::Battery { voltage_v } => self.voltage = Some((t, voltage_v)),
+            SampleKind::Pressure { pressure_pa } => self.pressure = Some((t, pressure_pa)),
+            SampleKind::Armed(armed) => self.gate.armed = Some(armed),
+            SampleKind::InAir(in_air) => self.gate.in_air = in_air,
+            SampleKind::Gnss { .. } => self.gnss = Some(t),
+        }
+    }
+
+    /// One sensor often arrives through several messages: only the best that is alive is used.
+    fn accept_source(&mut self, source: ImuSource, t: Stamp) -> bool {
+        match self.source {
+            Some((current, seen)) if source < current && t - seen < SOURCE_TIMEOUT_S => false,
+            Some((current, _)) if source == ImuSource::Second && current == ImuSource::Second => true,
+            _ if source == ImuSource::Second => false,
+            _ => {
+                self.source = Some((source, t));
+                true
+            }
+        }
+    }
+
+    fn push_imu(&mut self, t: Stamp, accel: Vector3<f64>, rate: Vector3<f64>) {
+        if self.newest_imu.is_some_and(|n| t <= n) {
+            return;
+        }
+        self.newest_imu = Some(t);
+        match &mut self.pending {
+            Some(p) if t - p.first < MIN_PERIOD_S => p.add(t, accel, rate),
+            _ => {
+                self.flush_pending();
+                self.pending = Some(Pending::new(t, accel, rate));
+            }
+        }
+    }
+
+    fn flush_pending(&mut self) {
+        if let Some(p) = self.pending.take() {
+            let (stamp, imu) = p.mean();
+            self.ready.push(stamp.plus_secs(-self.imu_delay_s), imu);
+        }
+    }
+
+    /// The next measurement, once everything it waits for has come or the horizon has passed. Call until `None`.
+    pub fn poll(&mut self) -> Option<Measurement> {
+        let newest_imu = self.newest_imu?;
+        if self.pending.as_ref().is_some_and(|p| newest_imu - p.first >= MIN_PERIOD_S) || self.imu_is_slow() {
+            self.flush_pending();
+        }
+        let after = self.last.map(|m| m.stamp);
+        let (stamp, imu) = self.ready.iter().find(|(s, _)| after.is_none_or(|a| *s > a))?;
+        let waited = newest_imu - stamp;
+        if waited < HORIZON_S && !self.others_have_reached(stamp) {
+            return None;
+        }
+        let m = self.assemble(stamp, imu);
+        self.last = Some(m);
+        Some(m)
+    }
+
+    /// True when IMU samples come so far apart that none can join the pending one.
+    fn imu_is_slow(&self) -> bool {
+        match (self.pending.as_ref(), self.ready.newest()) {
+            (Some(p), Some((s, _))) => p.first - s > 1.5 * MIN_PERIOD_S,
+            _ => false,
+        }
+    }
+
+    fn others_have_reached(&self, t: Stamp) -> bool {
+        let reached = |newest: Option<Stamp>| newest.is_none_or(|n| n >= t || t - n > STALE_S);
+        reached(self.attitude.newest().map(|x| x.0))
+            && reached(self.kinematics.newest().map(|x| x.0))
+            && reached(self.outputs.newest().map(|x| x.0.plus_secs(self.rotor_delay_s)))
+    }
+
+    fn assemble(&mut self, stamp: Stamp, imu: Imu) -> Measurement {
+        let mut m = Measurement::new(stamp, imu);
+        m.gate = self.gate;
+        m.attitude = self.attitude_at(stamp, imu.rate_frd_rads);
+        if let Some(Aged { value: k, age_s }) = self.kinematics_at(stamp) {
+            m.velocity_ned_mps = Some(Aged { value: k.velocity_ned_mps, age_s });
+            m.position_ned_m = k.position_ned_m.map(|value| Aged { value, age_s });
+        }
+        m.dt_s = self.last.as_ref().map_or(0.0, |l| stamp - l.stamp);
+        m.rotors = self.rotors_over(stamp, m.dt_s);
+        let fresh = |s: Stamp, limit: f64| (stamp - s < limit).then_some(stamp - s);
+        m.mag_frd_gauss = self.mag.and_then(|(s, value)| Some(Aged { value, age_s: fresh(s, STALE_S)? }));
+        m.rotor_rpm = self.rpm.and_then(|(s, value)| Some(Aged { value, age_s: fresh(s, STALE_S)? }));
+        // these change slowly: half a minute old is as good as new
+        m.voltage_v = self.voltage.and_then(|(s, value)| Some(Aged { value, age_s: fresh(s, 30.0)? }));
+        m.pressure_pa = self.pressure.and_then(|(s, value)| Some(Aged { value, age_s: fresh(s, 30.0)? }));
+
+        m.discontinuity = self.broken.take();
+        if m.dt_s > GAP_S {
+            m.discontinuity.get_or_insert(Discontinuity::Gap);
+        }
+        if m.discontinuity.is_none() && self.last.as_ref().is_some_and(|l| jumped(l, &m)) {
+            m.discontinuity = Some(Discontinuity::EstimatorReset);
+        }
+        if m.discontinuity.is_some() {
+            m.dt_s = 0.0;
+        }
+        m
+    }
+
+    fn attitude_at(&self, t: Stamp, rate: Vector3<f64>) -> Option<Aged<UnitQuaternion<f64>>> {
+        match self.attitude.at(t)? {
+            Lookup::Between(a, b, s) => {
+                // `slerp` fails for opposite quaternions only, which are 180° apart
+                Some(Aged { value: a.try_slerp(&b, s, 1e-9).unwrap_or(b), age_s: 0.0 })
+            }
+            Lookup::After(q, dt) if dt < STALE_S => {
+                Some(Aged { value: q * UnitQuaternion::from_scaled_axis(rate * dt), age_s: dt })
+            }
+            Lookup::Before(q, dt) if dt < STALE_S => Some(Aged { value: q, age_s: -dt }),
+            Lookup::After(..) | Lookup::Before(..) => None,
+        }
+    }
+
+    fn kinematics_at(&self, t: Stamp) -> Option<Aged<Kinematics>> {
+        match self.kinematics.at(t)? {
+            Lookup::Between(a, b, s) => {
+                let value = Kinematics {
+                    velocity_ned_mps: a.velocity_ned_mps.lerp(&b.velocity_ned_mps, s),
+                    position_ned_m: a.position_ned_m.zip(b.position_ned_m).map(|(p, q)| p.lerp(&q, s)),
+                };
+                Some(Aged { value, age_s: 0.0 })
+            }
+            Lookup::After(k, dt) if dt < STALE_S => Some(Aged { value: k, age_s: dt }),
+            Lookup::Before(k, dt) if dt < STALE_S => Some(Aged { value: k, age_s: -dt }),
+            Lookup::After(..) | Lookup::Before(..) => None,
+        }
+    }
+
+    /// Mean normalised command over `[t − dt, t]`, each output held until the next, shifted by the rotor's delay.
+    fn rotors_over(&self, t: Stamp, dt_s: f64) -> Option<Aged<RotorCommands>> {
+        let end = t.plus_secs(-self.rotor_delay_s);
+        let begin = end.plus_secs(-dt_s);
+        let newest = self.outputs.newest()?.0;
+        if end - newest > STALE_S {
+            return None;
+        }
+        let mut sum = [0.0; MAX_ROTORS];
+        let mut covered = 0.0;
+        let mut until = end;
+        let mut reference = None;
+        for (s, o) in self.outputs.iter().rev() {
+            if s >= end {
+                reference.get_or_insert(o);
+                continue;
+            }
+            let from = s.max(begin);
+            let w = until - from;
+            for (acc, v) in sum.iter_mut().zip(o.values) {
+                *acc += w * v;
+            }
+            covered += w;
+            until = from;
+            reference = Some(o);
+            if s <= begin {
+                break;
+            }
+        }
+        let held = reference?;
+        let mut command = [0.0; MAX_ROTORS];
+        for (c, &o) in command.iter_mut().zip(&self.outputs_of_rotors).take(self.rotor_count) {
+            let raw = if covered > 0.0 {
+                sum.get(o).copied().unwrap_or(self.at_zero) / covered
+            } else {
+                held.values.get(o).copied().unwrap_or(self.at_zero)
+            };
+            *c = ((raw - self.at_zero) / self.span).clamp(0.0, 1.0);
+        }
+        let value = RotorCommands { command, count: self.rotor_count };
+        Some(Aged { value, age_s: (end - newest).max(0.0) })
+    }
+
+    /// Channels whose newest sample is missing or older than a second at the newest IMU sample.
+    pub fn missing(&self, channel: Channel) -> bool {
+        let Some(now) = self.newest_imu else { return true };
+        let stale = |s: Option<Stamp>| s.is_none_or(|s| now - s > STALE_S);
+        match channel {
+            Channel::Imu => false,
+            Channel::Attitude => stale(self.attitude.newest().map(|x| x.0)),
+            Channel::Velocity => stale(self.kinematics.newest().map(|x| x.0)),
+            Channel::Actuators => stale(self.outputs.newest().map(|x| x.0)),
+            Channel::Magnetometer => stale(self.mag.map(|x| x.0)),
+            Channel::Rpm => stale(self.rpm.map(|x| x.0)),
+            Channel::Gnss => stale(self.gnss),
+            Channel::Battery => self.voltage.is_none(),
+            Channel::Pressure => self.pressure.is_none(),
+        }
+    }
+}
+
+/// Did the autopilot's estimate move in a way that its own inertial sensors contradict?
+fn jumped(last: &Measurement, m: &Measurement) -> bool {
+    if let (Some(a), Some(b)) = (last.attitude, m.attitude) {
+        let turned = UnitQuaternion::from_scaled_axis(0.5 * (last.imu.rate_frd_rads + m.imu.rate_frd_rads) * m.dt_s);
+        // two samples say little about a fast turn between them: allow a quarter of it
+        let allowed = ATTITUDE_JUMP_RAD + 0.25 * turned.angle();
+        if (a.value * turned).angle_to(&b.value) > allowed {
+            return true;
+        }
+    }
+    if let (Some(u), Some(v)) = (last.velocity_ned_mps, m.velocity_ned_mps) {
+        let accel = last.imu.accel_frd_mps2.norm().max(m.imu.accel_frd_mps2.norm()) + 9.8;
+        return (v.value - u.value).norm() > VELOCITY_JUMP_MPS + 1.5 * accel * (m.dt_s + u.age_s.abs());
+    }
+    false
+}
