@@ -83,6 +83,19 @@ pub enum Discontinuity {
     EstimatorReset,
 }
 
+/// What the vehicle model makes of the rotor commands, the mean over the interval since the last measurement.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Actuation {
+    /// Commands after the rotors' lag.
+    pub rotors: RotorCommands,
+    /// Force of the rotors, body FRD, N.
+    pub force_frd_n: Vector3<f64>,
+    /// Torque of the rotors about the centre of mass, body FRD, N m.
+    pub torque_frd_nm: Vector3<f64>,
+    /// Σ√Tᵢ over the rotors' thrusts, √N: scales rotor drag.
+    pub sum_sqrt_thrust: f64,
+}
+
 /// Flight condition, as far as the vehicle tells it.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub struct Gate {
@@ -111,11 +124,12 @@ pub struct Measurement {
     pub attitude: Option<Aged<UnitQuaternion<f64>>>,
     pub velocity_ned_mps: Option<Aged<Vector3<f64>>>,
     pub position_ned_m: Option<Aged<Vector3<f64>>>,
-    pub rotors: Option<Aged<RotorCommands>>,
+    pub actuation: Option<Aged<Actuation>>,
+    /// rev/min; NaN where unknown.
     pub rotor_rpm: Option<Aged<[f64; MAX_ROTORS]>>,
     pub mag_frd_gauss: Option<Aged<Vector3<f64>>>,
     pub voltage_v: Option<Aged<f64>>,
-    pub pressure_pa: Option<Aged<f64>>,
+    pub air_density_kgm3: Option<Aged<f64>>,
 }
 
 impl Measurement {
@@ -130,11 +144,11 @@ impl Measurement {
             attitude: None,
             velocity_ned_mps: None,
             position_ned_m: None,
-            rotors: None,
+            actuation: None,
             rotor_rpm: None,
             mag_frd_gauss: None,
             voltage_v: None,
-            pressure_pa: None,
+            air_density_kgm3: None,
         }
     }
 }

@@ -12,7 +12,7 @@ mod sample;
 mod stamp;
 
 pub use estimate::{Estimate, Guarantee, Signal, Verdict};
-pub use measurement::{Aged, Channel, Discontinuity, Gate, Imu, Measurement, RotorCommands};
+pub use measurement::{Actuation, Aged, Channel, Discontinuity, Gate, Imu, Measurement, RotorCommands};
 pub use sample::{ImuSource, Sample, SampleKind};
 pub use stamp::Stamp;
 

@@ -35,7 +35,7 @@ pub enum SampleKind {
     /// Raw receiver solution; no vertical speed is sent. `ground_velocity_mps` is north, east.
     Gnss { latitude_deg: f64, longitude_deg: f64, altitude_m: f64, ground_velocity_mps: Option<[f64; 2]> },
     /// Output of the mixer for rotor 1.., on the scale the vehicle's actuator map names (µs of pulse, or 0..1).
-    Actuators { outputs: [f64; MAX_ROTORS], count: usize },
+    Actuators { outputs: [f64; MAX_ROTORS] },
     /// Measured rotor speed, rev/min; `NaN` where unknown.
     RotorRpm { rpm: [f64; MAX_ROTORS] },
     /// Battery voltage under load, V.

@@ -1,10 +1,11 @@
 use super::history::{History, Lookup};
 use crate::signal::{
-    Aged, Channel, Discontinuity, Gate, Imu, ImuSource, MAX_ROTORS, Measurement, RotorCommands, Sample, SampleKind,
-    Stamp,
+    Actuation, Aged, Channel, Discontinuity, Gate, Imu, ImuSource, MAX_ROTORS, Measurement, RotorCommands, Sample,
+    SampleKind, Stamp,
 };
-use crate::vehicle::Vehicle;
+use crate::vehicle::{Air, RotorBank, Vehicle, air_density_kgm3};
 use nalgebra::{UnitQuaternion, Vector3};
+use std::sync::Arc;
 
 /// IMU samples closer together than this are averaged into one measurement, s.
 const MIN_PERIOD_S: f64 = 0.0095;
@@ -25,11 +26,6 @@ const VELOCITY_JUMP_MPS: f64 = 1.5;
 struct Kinematics {
     position_ned_m: Option<Vector3<f64>>,
     velocity_ned_mps: Vector3<f64>,
-}
-
-#[derive(Debug, Clone, Copy)]
-struct Outputs {
-    values: [f64; MAX_ROTORS],
 }
 
 /// IMU samples being averaged into one measurement.
@@ -71,20 +67,16 @@ impl Pending {
 /// them up to a horizon and then goes with what there is, each with its age.
 #[derive(Debug)]
 pub struct Aligner {
-    /// Delay of the IMU's stamps, s.
-    imu_delay_s: f64,
-    rotor_delay_s: f64,
-    at_zero: f64,
-    span: f64,
+    vehicle: Arc<Vehicle>,
+    rotor_bank: RotorBank,
     outputs_of_rotors: [usize; MAX_ROTORS],
-    rotor_count: usize,
 
     source: Option<(ImuSource, Stamp)>,
     pending: Option<Pending>,
     ready: History<Imu, 64>,
     attitude: History<UnitQuaternion<f64>, 64>,
     kinematics: History<Kinematics, 64>,
-    outputs: History<Outputs, 64>,
+    outputs: History<[f64; MAX_ROTORS], 64>,
     mag: Option<(Stamp, Vector3<f64>)>,
     gnss: Option<Stamp>,
     rpm: Option<(Stamp, [f64; MAX_ROTORS])>,
@@ -98,18 +90,15 @@ pub struct Aligner {
 }
 
 impl Aligner {
-    pub fn new(vehicle: &Vehicle) -> Self {
+    pub fn new(vehicle: Arc<Vehicle>) -> Self {
         let mut outputs_of_rotors = [0; MAX_ROTORS];
         for (o, r) in outputs_of_rotors.iter_mut().zip(&vehicle.rotors) {
             *o = r.output;
         }
         Self {
-            imu_delay_s: vehicle.sensors.gyro_delay_s,
-            rotor_delay_s: vehicle.dynamics.delay_s,
-            at_zero: vehicle.actuators.at_zero,
-            span: vehicle.actuators.at_full - vehicle.actuators.at_zero,
+            vehicle,
+            rotor_bank: RotorBank::new(),
             outputs_of_rotors,
-            rotor_count: vehicle.rotors.len().min(MAX_ROTORS),
             source: None,
             pending: None,
             ready: History::default(),
@@ -141,21 +130,10 @@ impl Aligner {
 
     /// Drops all history: the vehicle restarted.
     pub fn restart(&mut self) {
-        self.source = None;
-        self.pending = None;
-        self.ready.clear();
-        self.attitude.clear();
-        self.kinematics.clear();
-        self.outputs.clear();
-        self.mag = None;
-        self.gnss = None;
-        self.rpm = None;
-        self.voltage = None;
-        self.pressure = None;
-        self.gate = Gate::default();
-        self.last = None;
+        let outputs_of_rotors = self.outputs_of_rotors;
+        *self = Self::new(Arc::clone(&self.vehicle));
+        self.outputs_of_rotors = outputs_of_rotors;
         self.broken = Some(Discontinuity::Reboot);
-        self.newest_imu = None;
     }
 
     /// The autopilot says that its estimate jumped.
@@ -179,13 +157,22 @@ impl Aligner {
             SampleKind::GlobalPosition { velocity_ned_mps, .. } => {
                 self.kinematics.push(t, Kinematics { position_ned_m: None, velocity_ned_mps });
             }
-            SampleKind::Actuators { outputs, .. } => self.outputs.push(t, Outputs { values: outputs }),
-            SampleKind::RotorRpm { rpm } => self.rpm = Some((t, rpm)),
+            SampleKind::Actuators { outputs } => self.outputs.push(t, outputs),
+            SampleKind::RotorRpm { rpm } => self.push_rpm(t, rpm),
             SampleKind::Battery { voltage_v } => self.voltage = Some((t, voltage_v)),
             SampleKind::Pressure { pressure_pa } => self.pressure = Some((t, pressure_pa)),
             SampleKind::Armed(armed) => self.gate.armed = Some(armed),
             SampleKind::InAir(in_air) => self.gate.in_air = in_air,
             SampleKind::Gnss { .. } => self.gnss = Some(t),
+        }
+    }
+
+    /// Rotor speeds come four at a time: a message fills its four and leaves the others.
+    fn push_rpm(&mut self, t: Stamp, rpm: [f64; MAX_ROTORS]) {
+        let (at, held) = self.rpm.get_or_insert((t, [f64::NAN; MAX_ROTORS]));
+        *at = t;
+        for (h, x) in held.iter_mut().zip(rpm).filter(|(_, x)| x.is_finite()) {
+            *h = x;
         }
     }
 
@@ -219,7 +206,7 @@ impl Aligner {
     fn flush_pending(&mut self) {
         if let Some(p) = self.pending.take() {
             let (stamp, imu) = p.mean();
-            self.ready.push(stamp.plus_secs(-self.imu_delay_s), imu);
+            self.ready.push(stamp.plus_secs(-self.vehicle.sensors.gyro_delay_s), imu);
         }
     }
 
@@ -252,7 +239,7 @@ impl Aligner {
         let reached = |newest: Option<Stamp>| newest.is_none_or(|n| n >= t || t - n > STALE_S);
         reached(self.attitude.newest().map(|x| x.0))
             && reached(self.kinematics.newest().map(|x| x.0))
-            && reached(self.outputs.newest().map(|x| x.0.plus_secs(self.rotor_delay_s)))
+            && reached(self.outputs.newest().map(|x| x.0.plus_secs(self.vehicle.dynamics.delay_s)))
     }
 
     fn assemble(&mut self, stamp: Stamp, imu: Imu) -> Measurement {
@@ -264,13 +251,13 @@ impl Aligner {
             m.position_ned_m = k.position_ned_m.map(|value| Aged { value, age_s });
         }
         m.dt_s = self.last.as_ref().map_or(0.0, |l| stamp - l.stamp);
-        m.rotors = self.rotors_over(stamp, m.dt_s);
         let fresh = |s: Stamp, limit: f64| (stamp - s < limit).then_some(stamp - s);
         m.mag_frd_gauss = self.mag.and_then(|(s, value)| Some(Aged { value, age_s: fresh(s, STALE_S)? }));
         m.rotor_rpm = self.rpm.and_then(|(s, value)| Some(Aged { value, age_s: fresh(s, STALE_S)? }));
         // these change slowly: half a minute old is as good as new
         m.voltage_v = self.voltage.and_then(|(s, value)| Some(Aged { value, age_s: fresh(s, 30.0)? }));
-        m.pressure_pa = self.pressure.and_then(|(s, value)| Some(Aged { value, age_s: fresh(s, 30.0)? }));
+        m.air_density_kgm3 =
+            self.pressure.and_then(|(s, p)| Some(Aged { value: air_density_kgm3(p), age_s: fresh(s, 30.0)? }));
 
         m.discontinuity = self.broken.take();
         if m.dt_s > GAP_S {
@@ -281,7 +268,9 @@ impl Aligner {
         }
         if m.discontinuity.is_some() {
             m.dt_s = 0.0;
+            self.rotor_bank.reset();
         }
+        m.actuation = self.actuation(&m);
         m
     }
 
@@ -314,9 +303,27 @@ impl Aligner {
         }
     }
 
+    /// The modelled force and torque of the rotors over the measurement's interval.
+    fn actuation(&mut self, m: &Measurement) -> Option<Aged<Actuation>> {
+        let Aged { value: target, age_s } = self.rotors_over(m.stamp, m.dt_s)?;
+        let rotors = self.rotor_bank.advance(&self.vehicle, &target, m.dt_s);
+        // climbing through the air along the thrust axis (body −z); the wind's vertical part is taken as nothing
+        let climb_mps =
+            m.attitude.zip(m.velocity_ned_mps).map_or(0.0, |(q, v)| -q.value.inverse_transform_vector(&v.value).z);
+        let air = Air {
+            voltage_v: m.voltage_v.map(|v| v.value),
+            density_kgm3: m.air_density_kgm3.map(|d| d.value),
+            climb_mps,
+        };
+        let (w, sum_sqrt_thrust) = self.vehicle.rotor_wrench(&rotors, air);
+        let value =
+            Actuation { rotors, force_frd_n: w.force_frd_n, torque_frd_nm: w.torque_frd_nm, sum_sqrt_thrust };
+        Some(Aged { value, age_s })
+    }
+
     /// Mean normalised command over `[t − dt, t]`, each output held until the next, shifted by the rotor's delay.
     fn rotors_over(&self, t: Stamp, dt_s: f64) -> Option<Aged<RotorCommands>> {
-        let end = t.plus_secs(-self.rotor_delay_s);
+        let end = t.plus_secs(-self.vehicle.dynamics.delay_s);
         let begin = end.plus_secs(-dt_s);
         let newest = self.outputs.newest()?.0;
         if end - newest > STALE_S {
@@ -333,7 +340,7 @@ impl Aligner {
             }
             let from = s.max(begin);
             let w = until - from;
-            for (acc, v) in sum.iter_mut().zip(o.values) {
+            for (acc, v) in sum.iter_mut().zip(o) {
                 *acc += w * v;
             }
             covered += w;
@@ -345,15 +352,13 @@ impl Aligner {
         }
         let held = reference?;
         let mut command = [0.0; MAX_ROTORS];
-        for (c, &o) in command.iter_mut().zip(&self.outputs_of_rotors).take(self.rotor_count) {
-            let raw = if covered > 0.0 {
-                sum.get(o).copied().unwrap_or(self.at_zero) / covered
-            } else {
-                held.values.get(o).copied().unwrap_or(self.at_zero)
-            };
-            *c = ((raw - self.at_zero) / self.span).clamp(0.0, 1.0);
+        let map = &self.vehicle.actuators;
+        let count = self.vehicle.rotors.len().min(MAX_ROTORS);
+        for (c, &o) in command.iter_mut().zip(&self.outputs_of_rotors).take(count) {
+            let mean = if covered > 0.0 { sum.get(o).map(|x| x / covered) } else { held.get(o).copied() };
+            *c = mean.map_or(0.0, |x| ((x - map.at_zero) / (map.at_full - map.at_zero)).clamp(0.0, 1.0));
         }
-        let value = RotorCommands { command, count: self.rotor_count };
+        let value = RotorCommands { command, count };
         Some(Aged { value, age_s: (end - newest).max(0.0) })
     }
 
