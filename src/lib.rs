@@ -13,15 +13,16 @@
 //! |---|---|---|
 //! | [`sets`] | intervals and other sets with outward rounding | nothing |
 //! | [`sdp`] | affine matrix expressions, LMIs, log-det, the Clarabel bridge, verification | nothing |
+//! | [`document`] | TOML read key by key, every issue collected with its place | nothing |
 //! | [`signal`] | `Stamp`, `Sample`, `Measurement`, `Estimate`: the values that flow | nothing |
-//! | [`vehicle`] | rigid body, rotors, drag, actuator → wrench, presets | `sets`, `signal` |
+//! | [`vehicle`] | rigid body, rotors, drag, actuator → wrench, presets | `sets`, `signal`, `document` |
 //! | [`observers`] | the `Observer` trait, its registry, one room per paper | `sets`, `sdp`, `vehicle`, `signal` |
 //! | [`wind`] | wrench → wind velocity with its bound | `sets`, `vehicle`, `signal` |
 //! | [`wire`] | MAVLink framing, dialects, link statistics | nothing |
 //! | [`telemetry`] | MAVLink → `Sample` → `Measurement`; clocks | `wire`, `signal`, `vehicle` |
 //! | [`pipeline`] | one vehicle's chain from frames to a snapshot; no I/O | all of the above |
 //! | [`outputs`] | snapshot → MAVLink messages | `wire`, `signal`, `pipeline` |
-//! | [`config`] | TOML → checked config, every issue at once | `vehicle`, `observers`, `pipeline`, `wire` |
+//! | [`config`] | TOML → checked config, every issue at once | `document`, `vehicle`, `observers`, `pipeline`, `wire` |
 //! | [`daemon`] | links, forwarding, recording: the only place with tokio | everything |
 //! | [`cli`] | one file per subcommand | everything |
 //!
@@ -30,6 +31,7 @@
 pub mod cli;
 pub mod config;
 pub mod daemon;
+pub mod document;
 pub mod observers;
 pub mod outputs;
 pub mod pipeline;

@@ -1,13 +1,19 @@
 //! The vehicle model: a rigid body with rotors and drag, and the map from actuator messages to a wrench.
 //!
 //! In: a checked [`Vehicle`] (from TOML or a preset) and rotor commands. Out: thrust, actuator wrench, drag and its
-//! inverse, each with an interval where the model itself is uncertain. Imports `sets` and `signal` only.
+//! inverse, each with an interval where the model itself is uncertain. Imports `sets`, `signal`
+//! and `document` only.
 
 mod drag;
+mod facts;
+mod load;
 mod model;
+pub mod presets;
 mod rotors;
 
 pub use drag::air_density_kgm3;
+pub use facts::Facts;
+pub use load::{VehicleError, from_file, parse, resolve};
 pub use model::{
     Actuators, Drag, Envelope, NoiseBounds, OutputSource, Ranged, Rotor, RotorDynamics, Sensors, Spin, ThrustCurve,
     Vehicle,
