@@ -2,11 +2,17 @@
 //!
 //! In: [`Measurement`]s of one vehicle. Out: [`Estimate`]s with bounds and a verdict. An observer knows no MAVLink, no
 //! clock, no I/O and no async runtime; its gains are designed in its builder, never in `step`.
+//! A new observer is one new file (or room) and one line in [`REGISTRY`].
 //! Imports `sets`, `sdp`, `vehicle` and `signal` only.
 
+mod options;
 pub mod quadratic_bounded;
+mod registry;
 
-use crate::signal::{Channel, Estimate, Measurement, Signal};
+pub use options::{OptionError, OptionValue, Options};
+pub use registry::{BuildError, REGISTRY, Registration, build, find};
+
+use crate::signal::{Estimate, Measurement, Signal};
 
 /// Why a step gave no estimate. Missing data and broken assumptions are verdicts inside the estimate, not errors.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
@@ -20,11 +26,11 @@ pub trait Observer: Send {
     /// Name, unit and frame of each estimated scalar, in the order of the estimate's values.
     fn signals(&self) -> &[Signal];
 
-    /// The channels without which it is starved.
-    fn needs(&self) -> &[Channel];
-
     /// Takes in one measurement. Time comes from the measurement alone.
     fn step(&mut self, m: &Measurement) -> Result<&Estimate, StepError>;
+
+    /// The newest answer.
+    fn estimate(&self) -> &Estimate;
 
     /// Forgets everything but the design.
     fn reset(&mut self);

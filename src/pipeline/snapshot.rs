@@ -1,3 +1,4 @@
+use super::chain::Reports;
 use crate::signal::{Estimate, Guarantee, Signal, Stamp, Verdict};
 use nalgebra::Vector3;
 use std::fmt;
@@ -56,7 +57,7 @@ pub struct ObserverReport<'a> {
 }
 
 /// Everything known about one vehicle after one measurement.
-#[derive(Debug, Clone)]
+#[derive(Clone, Copy)]
 pub struct Snapshot<'a> {
     pub vehicle: VehicleId,
     /// Boot time of the measurement.
@@ -67,5 +68,6 @@ pub struct Snapshot<'a> {
     pub wind: Option<WindEstimate>,
     pub faults: FaultMask,
     pub verdict: Verdict,
-    pub observers: &'a [ObserverReport<'a>],
+    /// What each observer says; see [`Reports::iter`].
+    pub observers: Reports<'a>,
 }

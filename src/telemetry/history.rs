@@ -27,10 +27,6 @@ impl<T: Copy, const N: usize> Default for History<T, N> {
 }
 
 impl<T: Copy, const N: usize> History<T, N> {
-    pub fn clear(&mut self) {
-        *self = Self::default();
-    }
-
     pub fn newest(&self) -> Option<(Stamp, T)> {
         self.iter().last()
     }

@@ -10,7 +10,9 @@
 
 mod align;
 mod clock;
+mod decode;
 mod history;
 
 pub use align::Aligner;
 pub use clock::{ClockEvent, VehicleClock};
+pub use decode::{Decoded, Decoder};

@@ -1,0 +1,304 @@
+use super::channels::{Channels, Family, Pace};
+use super::filter::Filter;
+use crate::observers::{Observer, StepError};
+use crate::sets::Interval;
+use crate::signal::{Actuation, Aged, Estimate, Guarantee, Measurement, Signal, Verdict};
+use crate::vehicle::{GRAVITY_MPS2, Vehicle};
+use nalgebra::{DVector, Matrix3, UnitQuaternion, Vector3};
+
+/// Attitude, velocity or rotor commands older than this starve the observer, s.
+const MAX_AGE_S: f64 = 0.3;
+/// A slow stream counts as fast again after this many steps that a fast design admits.
+const FAST_AFTER: u32 = 10;
+/// Above this level of V the bound still shrinks from a reopening: it says `Settling`.
+const SETTLED_LEVEL: f64 = 1.5;
+
+const SIGNALS: [Signal; 6] = [
+    Signal { name: "force_n", unit: "N", frame: "NED" },
+    Signal { name: "force_e", unit: "N", frame: "NED" },
+    Signal { name: "force_d", unit: "N", frame: "NED" },
+    Signal { name: "torque_x", unit: "N m", frame: "FRD" },
+    Signal { name: "torque_y", unit: "N m", frame: "FRD" },
+    Signal { name: "torque_z", unit: "N m", frame: "FRD" },
+];
+
+/// The wrench observer of Cayero, Rotondo, Morcego and Puig (2019) on a flying vehicle.
+///
+/// State: linear and spin momentum in the world frame (their eq. 35) and a chain of disturbance derivatives for each
+/// axis (eq. 42). In the world frame the equations are linear, with the rotors' wrench and gravity as input (eq. 47).
+/// Outputs: momentum from velocity and body rate, and the residual force `R(m·a − f_a)` from the accelerometer
+/// (eq. 54, with the sign corrected). The axes are designed one by one, which is less conservative than one ellipsoid
+/// over all six: the declared noise bounds are a box.
+///
+/// # The bound
+/// `Guaranteed`, given the vehicle's declared noise bounds and envelope, for the residual wrench: everything the model
+/// does not explain, model error included. While the data agree with the assumptions, the ellipsoid's projection is
+/// intersected with what the accelerometer alone admits. When an output leaves its admissible set, the verdict is
+/// `AssumptionViolated`; the bound is reopened from the envelope, held open for the time a gust front is declared to
+/// last, and decays again.
+pub struct WrenchObserver {
+    vehicle: Vehicle,
+    channels: Channels,
+    /// Momentum and disturbance filters: force N, E, D, then torque N, E, D.
+    filters: [Filter; 6],
+    pace: Pace,
+    quick_steps: u32,
+    inputs: [DVector<f64>; 6],
+    outputs: [DVector<f64>; 6],
+    /// For how much longer each family's bound is kept open, s: force, torque.
+    hold_s: [f64; 2],
+    opened: bool,
+    previous: Option<Frame>,
+    estimate: Estimate,
+    violations: u64,
+}
+
+/// What the outputs and inputs are made of at one instant.
+#[derive(Debug, Clone, Copy)]
+struct Frame {
+    rotation: Matrix3<f64>,
+    attitude: UnitQuaternion<f64>,
+    velocity_ned_mps: Vector3<f64>,
+    actuation: Actuation,
+}
+
+impl Frame {
+    fn of(m: &Measurement) -> Option<Self> {
+        fn fresh<T: Copy>(x: Option<Aged<T>>) -> Option<T> {
+            x.filter(|x| x.age_s.abs() <= MAX_AGE_S).map(|x| x.value)
+        }
+        let attitude = fresh(m.attitude)?;
+        Some(Self {
+            rotation: attitude.to_rotation_matrix().into_inner(),
+            attitude,
+            velocity_ned_mps: fresh(m.velocity_ned_mps)?,
+            actuation: fresh(m.actuation)?,
+        })
+    }
+}
+
+impl WrenchObserver {
+    pub fn new(vehicle: &Vehicle, channels: Channels) -> Self {
+        let filters = channels.filters(Pace::Fast);
+        Self {
+            vehicle: vehicle.clone(),
+            inputs: filters.each_ref().map(|f| DVector::zeros(f.state().len())),
+            outputs: filters.each_ref().map(|f| DVector::zeros(f.design().c.nrows())),
+            filters,
+            pace: Pace::Fast,
+            quick_steps: 0,
+            channels,
+            hold_s: [0.0; 2],
+            opened: false,
+            previous: None,
+            estimate: Estimate::unknown(SIGNALS.len()),
+            violations: 0,
+        }
+    }
+
+    /// How often an assumption was found broken since the last reset.
+    pub fn violations(&self) -> u64 {
+        self.violations
+    }
+
+    /// Chooses the design that is certified for the sample times that come. True when it changed: then the bound of
+    /// the other design means nothing and must be opened anew.
+    fn keep_pace(&mut self, dt_s: f64) -> bool {
+        let fits_fast = dt_s <= Channels::max_dt_s(Pace::Fast);
+        self.quick_steps = if fits_fast { self.quick_steps.saturating_add(1) } else { 0 };
+        let pace = match self.pace {
+            Pace::Fast if !fits_fast => Pace::Slow,
+            Pace::Slow if self.quick_steps >= FAST_AFTER => Pace::Fast,
+            same => same,
+        };
+        if pace == self.pace {
+            return false;
+        }
+        self.pace = pace;
+        let states = self.filters.each_ref().map(|f| [f.state()[0], f.state()[1]]);
+        self.filters = self.channels.filters(pace);
+        for (filter, [p, d]) in self.filters.iter_mut().zip(states) {
+            filter.state_mut()[0] = p;
+            filter.state_mut()[1] = d;
+        }
+        true
+    }
+
+    fn fill(&mut self, frame: &Frame, previous: &Frame, m: &Measurement) {
+        let v = &self.vehicle;
+        // the rotors' mean wrench over the step, turned by the mean attitude
+        let mid = previous.attitude.nlerp(&frame.attitude, 0.5);
+        let mut force = mid * frame.actuation.force_frd_n;
+        force.z += v.mass_kg.nominal * GRAVITY_MPS2;
+        let damping = m.imu.rate_frd_rads.component_mul(&Vector3::from(v.drag.angular));
+        let torque = mid * (frame.actuation.torque_frd_nm - damping);
+
+        let momentum = frame.velocity_ned_mps * v.mass_kg.nominal;
+        let spin = frame.rotation * (v.inertia_kgm2 * m.imu.rate_frd_rads);
+        let residual =
+            frame.rotation * (m.imu.accel_frd_mps2 * v.mass_kg.nominal - frame.actuation.force_frd_n);
+        for i in 0..3 {
+            self.inputs[i][0] = force[i];
+            self.outputs[i][0] = momentum[i];
+            self.outputs[i][1] = residual[i];
+            self.inputs[3 + i][0] = torque[i];
+            self.outputs[3 + i][0] = spin[i];
+        }
+    }
+
+    /// Starts the filters at what is measured, with the bound opened from the envelope.
+    fn start(&mut self) {
+        for (filter, y) in self.filters.iter_mut().zip(&self.outputs) {
+            let x = filter.state_mut();
+            x[1] = if y.len() > 1 { y[1] } else { 0.0 };
+        }
+        self.open(Family::Force);
+        self.open(Family::Torque);
+        self.opened = true;
+    }
+
+    /// Opens the bound of one family of axes: momentum is taken as measured, the disturbance as anything in the
+    /// declared envelope.
+    fn open(&mut self, family: Family) {
+        for i in family.axes() {
+            self.filters[i].state_mut()[0] = self.outputs[i][0];
+            let errors = self.channels.envelope_box(i, self.filters[i].state()[1]);
+            self.filters[i].open(&errors);
+        }
+    }
+
+    /// Half-width of the accelerometer's residual force on world axis `i`, N, at this attitude.
+    fn force_noise(&self, frame: &Frame, i: usize) -> f64 {
+        let noise = &self.vehicle.noise;
+        let body: f64 = (0..3)
+            .map(|j| frame.rotation[(i, j)].abs() * (noise.accel_mps2[j] + noise.accel_bias_mps2[j]))
+            .sum();
+        let turn = if i < 2 { noise.yaw_rad + noise.tilt_rad } else { noise.tilt_rad };
+        let size = self.outputs[..3].iter().map(|y| y[1] * y[1]).sum::<f64>().sqrt();
+        body * self.vehicle.mass_kg.range.hi() + turn * size
+    }
+
+    fn correct(&mut self, frame: &Frame, dt_s: f64) -> f64 {
+        let mut worst: [f64; 2] = [0.0; 2];
+        for i in 0..6 {
+            let force_noise = if i < 3 { self.force_noise(frame, i) } else { 0.0 };
+            let family = Family::of(i) as usize;
+            let filter = &mut self.filters[i];
+            let noise = [self.channels.momentum_noise(i), force_noise];
+            for (j, noise) in noise.into_iter().enumerate().take(filter.design().c.nrows()) {
+                let allowed = filter.admissible(j, dt_s, noise);
+                worst[family] = worst[family].max(filter.innovation(&self.outputs[i])[j].abs() / allowed);
+            }
+            filter.update(&self.outputs[i], dt_s);
+        }
+        for family in [Family::Force, Family::Torque] {
+            let k = family as usize;
+            if worst[k] > 1.0 {
+                self.violations += 1;
+                self.hold_s[k] = self.channels.hold_s();
+            }
+            if self.hold_s[k] > 0.0 {
+                self.hold_s[k] -= dt_s;
+                self.open(family);
+            }
+        }
+        worst[0].max(worst[1])
+    }
+
+    fn publish(&mut self, frame: &Frame, m: &Measurement, residual: f64) {
+        self.estimate.stamp = m.stamp;
+        self.estimate.guarantee = Guarantee::Guaranteed;
+        self.estimate.residual = residual;
+        let level = self.filters.iter().map(Filter::level).fold(0.0, f64::max);
+        self.estimate.verdict = if residual > 1.0 {
+            Verdict::AssumptionViolated
+        } else if level > SETTLED_LEVEL {
+            Verdict::Settling
+        } else {
+            Verdict::Consistent
+        };
+        for i in 0..3 {
+            let value = self.filters[i].state()[1];
+            let mut range = self.within_envelope(i, Interval::centred(value, self.filters[i].half_width(1)));
+            if self.filters[i].level() <= SETTLED_LEVEL && self.hold_s[0] <= 0.0 {
+                let seen = Interval::centred(self.outputs[i][1], self.force_noise(frame, i));
+                range = range.intersect(seen).unwrap_or(range);
+            }
+            let value = value.clamp(range.lo(), range.hi());
+            self.estimate.values[i] = value;
+            self.estimate.half_widths[i] = (range.hi() - value).max(value - range.lo());
+        }
+        let world = Vector3::from_fn(|i, _| self.filters[3 + i].state()[1]);
+        let spread = Vector3::from_fn(|i, _| {
+            let range = Interval::centred(world[i], self.filters[3 + i].half_width(1));
+            let range = self.within_envelope(3 + i, range);
+            (range.hi() - world[i]).max(world[i] - range.lo())
+        });
+        let body = frame.rotation.tr_mul(&world);
+        let body_spread = frame.rotation.abs().tr_mul(&spread);
+        for i in 0..3 {
+            self.estimate.values[3 + i] = body[i];
+            self.estimate.half_widths[3 + i] = body_spread[i];
+        }
+    }
+
+    /// While a bound shrinks from a reopening, the declared envelope itself may say more.
+    fn within_envelope(&self, axis: usize, range: Interval) -> Interval {
+        range.intersect(Interval::centred(0.0, self.channels.envelope(axis))).unwrap_or(range)
+    }
+
+    /// Nothing can be said now, for this reason.
+    fn silence(&mut self, m: &Measurement, verdict: Verdict) {
+        self.estimate.stamp = m.stamp;
+        self.estimate.verdict = verdict;
+        self.estimate.guarantee = Guarantee::None;
+        self.estimate.half_widths.fill(f64::INFINITY);
+        self.opened = false;
+        self.previous = None;
+    }
+}
+
+impl Observer for WrenchObserver {
+    fn signals(&self) -> &[Signal] {
+        &SIGNALS
+    }
+
+    fn estimate(&self) -> &Estimate {
+        &self.estimate
+    }
+
+    fn step(&mut self, m: &Measurement) -> Result<&Estimate, StepError> {
+        if !m.gate.may_fly() {
+            self.silence(m, Verdict::Grounded);
+            return Ok(&self.estimate);
+        }
+        let Some(frame) = Frame::of(m) else {
+            self.silence(m, Verdict::Starved);
+            return Ok(&self.estimate);
+        };
+        let previous = self.previous.replace(frame).unwrap_or(frame);
+        self.fill(&frame, &previous, m);
+        let dt_s = m.dt_s;
+        let in_range = dt_s > 0.0 && dt_s <= Channels::max_dt_s(Pace::Slow);
+        let design_changed = in_range && self.keep_pace(dt_s);
+        if !self.opened || m.discontinuity.is_some() || !in_range || design_changed {
+            self.start();
+            self.publish(&frame, m, 0.0);
+            return Ok(&self.estimate);
+        }
+        for (filter, u) in self.filters.iter_mut().zip(&self.inputs) {
+            filter.predict(u, dt_s);
+        }
+        let residual = self.correct(&frame, dt_s);
+        if let Some(i) = self.filters.iter().position(|f| f.state().iter().any(|x| !x.is_finite())) {
+            self.reset();
+            return Err(StepError::NotFinite { signal: SIGNALS[i].name });
+        }
+        self.publish(&frame, m, residual);
+        Ok(&self.estimate)
+    }
+
+    fn reset(&mut self) {
+        *self = Self::new(&self.vehicle, self.channels.clone());
+    }
+}

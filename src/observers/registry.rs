@@ -1,0 +1,57 @@
+use super::options::{OptionError, Options};
+use super::{Observer, quadratic_bounded};
+use crate::signal::Channel;
+use crate::vehicle::Vehicle;
+
+/// One observer that can be built for a vehicle.
+pub struct Registration {
+    /// Name in configs, messages and reports.
+    pub name: &'static str,
+    /// Id in STATE_BOUNDS and OBSERVER_STATUS.
+    pub id: u8,
+    pub paper: &'static str,
+    /// What it tells.
+    pub estimates: &'static str,
+    /// The channels without which it is starved.
+    pub needs: &'static [Channel],
+    /// The keys of its config table.
+    pub options: &'static [&'static str],
+    pub builder: fn(&Vehicle, &mut Options) -> Result<Box<dyn Observer>, BuildError>,
+}
+
+/// Every observer, one line each.
+pub const REGISTRY: &[Registration] = &[quadratic_bounded::REGISTRATION];
+
+/// Why an observer could not be built.
+#[derive(Debug, thiserror::Error)]
+pub enum BuildError {
+    #[error("there is no observer `{name}`; there are: {known}")]
+    Unknown { name: String, known: String },
+    #[error("observer {observer}: {source}")]
+    Option { observer: &'static str, source: OptionError },
+    #[error("observer {observer} has no option `{key}`; it has: {known}")]
+    UnknownOption { observer: &'static str, key: String, known: String },
+    #[error("observer {observer}, {part}: {source}")]
+    Design { observer: &'static str, part: String, source: Box<dyn std::error::Error + Send + Sync> },
+}
+
+/// The registration of this name.
+pub fn find(name: &str) -> Result<&'static Registration, BuildError> {
+    REGISTRY.iter().find(|r| r.name == name).ok_or_else(|| BuildError::Unknown {
+        name: name.to_owned(),
+        known: REGISTRY.iter().map(|r| r.name).collect::<Vec<_>>().join(", "),
+    })
+}
+
+/// Builds an observer for a vehicle. Designs its gains, which may take a moment, unless they are cached.
+pub fn build(name: &str, vehicle: &Vehicle, mut options: Options) -> Result<Box<dyn Observer>, BuildError> {
+    let r = find(name)?;
+    if let Some(key) = options.keys().find(|k| !r.options.contains(k)) {
+        return Err(BuildError::UnknownOption {
+            observer: r.name,
+            key: key.to_owned(),
+            known: r.options.join(", "),
+        });
+    }
+    (r.builder)(vehicle, &mut options)
+}

@@ -1,0 +1,153 @@
+use super::chain::{Chain, Slot};
+use super::notices::Notices;
+use super::snapshot::{Snapshot, VehicleId};
+use crate::observers::{self, BuildError, Options};
+use crate::signal::Measurement;
+use crate::vehicle::Vehicle;
+use crate::wire::FrameRef;
+use std::collections::BTreeMap;
+use std::sync::Arc;
+
+/// MAV_AUTOPILOT_INVALID: the component is no flight controller.
+const AUTOPILOT_INVALID: u8 = 8;
+
+/// One observer to run on every vehicle.
+#[derive(Debug, Clone, PartialEq)]
+pub struct ObserverSetting {
+    pub name: String,
+    pub options: Options,
+}
+
+/// What a fleet is made of.
+#[derive(Debug, Clone)]
+pub struct FleetSettings {
+    /// The model of every vehicle that has none of its own.
+    pub vehicle: Arc<Vehicle>,
+    /// Models by MAVLink system id.
+    pub by_system: BTreeMap<u8, Arc<Vehicle>>,
+    pub observers: Vec<ObserverSetting>,
+}
+
+impl FleetSettings {
+    /// The quadratic-boundedness observer with its defaults, for one vehicle model.
+    pub fn standard(vehicle: Arc<Vehicle>) -> Self {
+        let observers =
+            vec![ObserverSetting { name: "quadratic_bounded".to_owned(), options: Options::default() }];
+        Self { vehicle, by_system: BTreeMap::new(), observers }
+    }
+}
+
+/// What a heartbeat says of a vehicle.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct VehicleKind {
+    /// MAV_AUTOPILOT: 3 ArduPilot, 12 PX4.
+    pub autopilot: u8,
+    /// MAV_TYPE.
+    pub mav_type: u8,
+}
+
+impl VehicleKind {
+    /// Is this a multirotor, the only kind that the models describe? (MAV_TYPE quad, coaxial, hexa, octo, tri, dodeca,
+    /// deca)
+    pub fn is_multirotor(self) -> bool {
+        matches!(self.mav_type, 2 | 3 | 13 | 14 | 15 | 29 | 35)
+    }
+}
+
+/// How much a notice matters; the values are MAV_SEVERITY's.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Severity {
+    Warning = 4,
+    Notice = 5,
+    Info = 6,
+}
+
+/// What comes out of a fleet.
+pub enum Event<'a> {
+    /// A vehicle was heard of for the first time.
+    NewVehicle { vehicle: VehicleId, kind: VehicleKind },
+    /// One measurement was worked through.
+    Snapshot(&'a Snapshot<'a>, &'a Measurement),
+    /// Something changed that a person should know. Sent once a change, never every step.
+    Notice { vehicle: VehicleId, severity: Severity, text: &'a str },
+}
+
+struct Member {
+    kind: VehicleKind,
+    /// `None` for what is no multirotor.
+    chain: Option<Chain>,
+    notices: Notices,
+}
+
+/// All vehicles on the links, each with its own state: nothing one does reaches another.
+pub struct Fleet {
+    settings: FleetSettings,
+    members: BTreeMap<VehicleId, Member>,
+}
+
+impl Fleet {
+    /// Builds each observer once for each vehicle model, so that a design that fails does so here and designs are
+    /// cached before the first frame.
+    ///
+    /// # Errors
+    /// [`BuildError`] for unknown observers or options, and for designs that do not exist.
+    pub fn new(settings: FleetSettings) -> Result<Self, BuildError> {
+        for model in std::iter::once(&settings.vehicle).chain(settings.by_system.values()) {
+            slots(&settings.observers, model)?;
+        }
+        Ok(Self { settings, members: BTreeMap::new() })
+    }
+
+    /// Takes in one frame of any system, received at `received_unix_us` (µs since 1970).
+    pub fn frame(&mut self, frame: FrameRef<'_>, received_unix_us: u64, sink: &mut dyn FnMut(Event<'_>)) {
+        let id = VehicleId { system: frame.system_id(), component: frame.component_id() };
+        if frame.message_id() == 0 {
+            self.heartbeat(id, frame, sink);
+        }
+        let Some(member) = self.members.get_mut(&id) else { return };
+        let Member { chain: Some(chain), notices, .. } = member else { return };
+        chain.frame(frame, received_unix_us, &mut |chain, snapshot, m| {
+            sink(Event::Snapshot(snapshot, m));
+            notices.after_step(chain, snapshot, m, &mut |severity, text| {
+                sink(Event::Notice { vehicle: id, severity, text });
+            });
+        });
+    }
+
+    fn heartbeat(&mut self, id: VehicleId, frame: FrameRef<'_>, sink: &mut dyn FnMut(Event<'_>)) {
+        let f = frame.fields();
+        let kind = VehicleKind { autopilot: f.u8(5), mav_type: f.u8(4) };
+        if kind.autopilot == AUTOPILOT_INVALID || self.members.contains_key(&id) {
+            return;
+        }
+        sink(Event::NewVehicle { vehicle: id, kind });
+        let model = self.settings.by_system.get(&id.system).unwrap_or(&self.settings.vehicle);
+        let chain = if kind.is_multirotor() {
+            // built before in `new` with the same settings; a failure now leaves the vehicle unobserved, and said so
+            slots(&self.settings.observers, model).ok().map(|s| Chain::new(id, Arc::clone(model), s))
+        } else {
+            None
+        };
+        if chain.is_none() {
+            let text = format!("vehicle {id} is no multirotor (type {}): nothing to estimate", kind.mav_type);
+            sink(Event::Notice { vehicle: id, severity: Severity::Notice, text: &text });
+        }
+        self.members.insert(id, Member { kind, chain, notices: Notices::default() });
+    }
+
+    pub fn vehicles(&self) -> impl Iterator<Item = (VehicleId, VehicleKind, Option<&Chain>)> {
+        self.members.iter().map(|(id, m)| (*id, m.kind, m.chain.as_ref()))
+    }
+
+    /// Drops one vehicle's state, after an error in its chain; its next heartbeat starts it anew.
+    pub fn forget(&mut self, id: VehicleId) {
+        self.members.remove(&id);
+    }
+}
+
+fn slots(settings: &[ObserverSetting], model: &Vehicle) -> Result<Vec<Slot>, BuildError> {
+    settings
+        .iter()
+        .map(|o| Ok(Slot::new(observers::find(&o.name)?, observers::build(&o.name, model, o.options.clone())?)))
+        .collect()
+}
