@@ -1,1 +1,3 @@
-//! (to come)
+//! Semidefinite programs.
+#[cfg(not(feature = "system-openblas"))]
+mod lapack;
