@@ -16,6 +16,7 @@ mod fields;
 mod frame;
 mod parser;
 mod scan;
+pub mod tlog;
 
 pub use catalog::{MessageInfo, message_info};
 pub use encode::{EncodeError, Encoder};

@@ -2,7 +2,7 @@
 
 use super::event::Event;
 use super::frame::MAX_FRAME_LEN;
-use super::scan::Scanner;
+use super::scan::{Found, Scanner};
 
 /// Cuts a byte stream (serial, TCP) into frames, whatever the chunks it arrives in.
 ///
@@ -61,8 +61,17 @@ impl Parser {
     /// The next event, or `None` until more bytes are pushed.
     #[allow(clippy::should_implement_trait)] // an iterator's items cannot borrow from it
     pub fn next(&mut self) -> Option<Event<'_>> {
-        let found = self.scanner.next(&self.buffer, self.ended)?;
-        Some(found.event(&self.buffer))
+        let found = self.find()?;
+        Some(self.event(&found))
+    }
+
+    /// The next event, for those who cannot borrow yet; [`Self::event`] makes it one before the next push.
+    pub(super) fn find(&mut self) -> Option<Found> {
+        self.scanner.next(&self.buffer, self.ended)
+    }
+
+    pub(super) fn event(&self, found: &Found) -> Event<'_> {
+        found.event(&self.buffer)
     }
 }
 

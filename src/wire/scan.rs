@@ -93,6 +93,10 @@ enum Kind {
 }
 
 impl Found {
+    pub(super) fn range(&self) -> Range<usize> {
+        self.range.clone()
+    }
+
     /// The event over the same bytes that were scanned.
     pub(super) fn event<'a>(&self, data: &'a [u8]) -> Event<'a> {
         let bytes = &data[self.range.clone()];
