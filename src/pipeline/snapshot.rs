@@ -43,6 +43,20 @@ pub struct WindEstimate {
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub struct FaultMask(pub u32);
 
+impl FaultMask {
+    /// Names of the bits, lowest first.
+    pub const NAMES: [&str; 22] = [
+        "rotor_1", "rotor_2", "rotor_3", "rotor_4", "rotor_5", "rotor_6", "rotor_7", "rotor_8", "rotor_9", "rotor_10",
+        "rotor_11", "rotor_12", "gyro", "accel", "mag", "baro", "gnss_position", "gnss_velocity", "attitude", "payload",
+        "gust", "link",
+    ];
+
+    /// The names of the active faults.
+    pub fn names(self) -> impl Iterator<Item = &'static str> {
+        Self::NAMES.iter().enumerate().filter(move |(i, _)| self.0 >> i & 1 != 0).map(|(_, n)| *n)
+    }
+}
+
 /// What one observer says about itself in a snapshot.
 #[derive(Debug, Clone, Copy)]
 pub struct ObserverReport<'a> {

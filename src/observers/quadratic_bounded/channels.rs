@@ -1,6 +1,7 @@
-use super::filter::Filter;
+use super::filter::{Designed, Filter};
 use super::online::WrenchObserver;
-use super::sampled::{NoiseBlock, SampledDesign, SampledPlant, design_cached};
+use super::plant::{NoiseBlock, SampledPlant};
+use super::sampled::design_sampled;
 use crate::observers::{BuildError, Observer, Options, Registration};
 use crate::signal::Channel;
 use crate::vehicle::{GRAVITY_MPS2, Vehicle};
@@ -19,7 +20,7 @@ pub const REGISTRATION: Registration = Registration {
 };
 
 /// Sample times at which the designs are certified, s: one for fast streams, one for slow ones.
-const FAST_DT_S: [f64; 5] = [0.004, 0.01, 0.02, 0.05, 0.12];
+const FAST_DT_S: [f64; 5] = [0.002, 0.01, 0.02, 0.05, 0.12];
 const SLOW_DT_S: [f64; 4] = [0.04, 0.12, 0.27, 0.55];
 /// Steepest lean at which the noise bounds of the level axes are designed, rad.
 const LEAN_RAD: f64 = 0.6;
@@ -69,8 +70,8 @@ struct Bounds {
 #[derive(Debug, Clone)]
 pub struct Channels {
     bounds: [Bounds; 6],
-    fast: [Arc<SampledDesign>; 6],
-    slow: [Arc<SampledDesign>; 6],
+    fast: [Arc<Designed>; 6],
+    slow: [Arc<Designed>; 6],
     hold_s: f64,
 }
 
@@ -79,18 +80,16 @@ impl Channels {
         self.designs(pace).each_ref().map(|d| Filter::new(Arc::clone(d)))
     }
 
-    fn designs(&self, pace: Pace) -> &[Arc<SampledDesign>; 6] {
+    fn designs(&self, pace: Pace) -> &[Arc<Designed>; 6] {
         match pace {
             Pace::Fast => &self.fast,
             Pace::Slow => &self.slow,
         }
     }
 
-    pub(super) fn max_dt_s(pace: Pace) -> f64 {
-        match pace {
-            Pace::Fast => FAST_DT_S[FAST_DT_S.len() - 1],
-            Pace::Slow => SLOW_DT_S[SLOW_DT_S.len() - 1],
-        }
+    /// Is the design of this pace certified for this step?
+    pub(super) fn covers(&self, pace: Pace, dt_s: f64) -> bool {
+        self.designs(pace)[0].covers(dt_s)
     }
 
     /// Largest error of each state (momentum, disturbance) when all that is known is the envelope and one momentum
@@ -120,8 +119,8 @@ fn builder(vehicle: &Vehicle, options: &mut Options) -> Result<Box<dyn Observer>
     let alpha_torque = options.number("alpha_torque", 0.5, 20.0).map_err(option)?.unwrap_or(8.0);
     let hold_s = options.number("gust_s", 0.0, 10.0).map_err(option)?.unwrap_or(0.3);
     let bounds = bounds_of(vehicle);
-    let design = |nodes: &[f64], ceiling: f64| -> Result<Vec<Arc<SampledDesign>>, BuildError> {
-        let mut made: Vec<Arc<SampledDesign>> = Vec::with_capacity(6);
+    let design = |nodes: &[f64], ceiling: f64| -> Result<Vec<Arc<Designed>>, BuildError> {
+        let mut made: Vec<Arc<Designed>> = Vec::with_capacity(6);
         for (axis, b) in bounds.iter().enumerate() {
             // axes with the same bounds share one design
             if let Some(same) = bounds[..axis].iter().position(|x| x == b) {
@@ -132,16 +131,17 @@ fn builder(vehicle: &Vehicle, options: &mut Options) -> Result<Box<dyn Observer>
                 Family::Force => alpha_force,
                 Family::Torque => alpha_torque,
             };
-            let d = design_cached(&plant(b), alpha.min(ceiling), nodes).map_err(|e| BuildError::Design {
+            let plant = plant(b);
+            let design = design_sampled(&plant, alpha.min(ceiling), nodes).map_err(|e| BuildError::Design {
                 observer: REGISTRATION.name,
-                part: format!("axis {axis} at {alpha}/s"),
+                part: format!("world axis {axis}"),
                 source: Box::new(e),
             })?;
-            made.push(Arc::new(d));
+            made.push(Arc::new(Designed::new(plant, design)));
         }
         Ok(made)
     };
-    let six = |v: Vec<Arc<SampledDesign>>| std::array::from_fn(|i| Arc::clone(&v[i]));
+    let six = |v: Vec<Arc<Designed>>| std::array::from_fn(|i| Arc::clone(&v[i]));
     let channels = Channels {
         fast: six(design(&FAST_DT_S, f64::INFINITY)?),
         // slow streams cannot keep up with a fast decay
@@ -201,12 +201,12 @@ fn plant(b: &Bounds) -> SampledPlant {
     let ball = |radius: f64| DMatrix::from_element(1, 1, radius.powi(-2));
     let block = |w: DMatrix<f64>, radius: f64| NoiseBlock { w, q: ball(radius) };
     let process = vec![block(dmatrix![1.0; 0.0], b.input), block(dmatrix![0.0; 1.0], b.rate)];
-    let (c, output) = match b.direct {
+    let (c, measurement) = match b.direct {
         Some(direct) => (
             DMatrix::identity(2, 2),
             vec![block(dmatrix![1.0; 0.0], b.momentum), block(dmatrix![0.0; 1.0], direct)],
         ),
         None => (dmatrix![1.0, 0.0], vec![block(dmatrix![1.0], b.momentum)]),
     };
-    SampledPlant { a: dmatrix![0.0, 1.0; 0.0, 0.0], process, c, output, e1: DMatrix::identity(2, 2) }
+    SampledPlant { a: dmatrix![0.0, 1.0; 0.0, 0.0], process, c, measurement, e1: DMatrix::identity(2, 2) }
 }

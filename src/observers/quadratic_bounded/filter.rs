@@ -1,41 +1,60 @@
-use super::sampled::SampledDesign;
-use nalgebra::{DMatrix, DVector};
+use super::plant::SampledPlant;
+use super::sampled::{PartialStep, SampledDesign};
+use nalgebra::DVector;
 use std::sync::Arc;
+
+/// A plant and the sampled design made for it.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Designed {
+    pub plant: SampledPlant,
+    pub design: SampledDesign,
+    /// (C P⁻¹ Cᵀ)ⱼⱼ: how far V = 1 spreads output j, squared.
+    spread: Vec<f64>,
+}
+
+impl Designed {
+    pub fn new(plant: SampledPlant, design: SampledDesign) -> Self {
+        let spread = (&plant.c * &design.p_inv * plant.c.transpose()).diagonal().iter().copied().collect();
+        Self { plant, design, spread }
+    }
+
+    /// Step lengths that the certificate covers, s.
+    pub fn covers(&self, dt_s: f64) -> bool {
+        self.design.locate(dt_s).is_some()
+    }
+}
 
 /// The sampled observer in filter form, for any linear plant with a nilpotent `A` (a chain of integrators, as every
 /// plant of the paper is), with the certificate's bound on its error.
 ///
 /// Predict: `x⁻ = e^{AΔ}x̂ + ∫₀^Δ e^{As}ds·u`, `u` held over the step. Update: `x̂⁺ = x⁻ + L(C x⁻ − y)` (the paper's sign).
-/// The bound is `eᵀPe ≤ V`, with V carried along: `V⁺ = e^{−αΔ}V + 1 − e^{−αΔ}` when the outputs came, the growth of
-/// the unobserved plant when they did not. All storage is allocated here; no step allocates.
+/// The bound is `eᵀPe ≤ V`, with V carried along: `V⁺ = e^{−αΔ}V + 1 − e^{−αΔ}` when every output came, the certified
+/// growth of the partly observed plant when some did not. All storage is allocated here; no step allocates.
 #[derive(Debug, Clone)]
 pub struct Filter {
-    design: Arc<SampledDesign>,
+    designed: Arc<Designed>,
     x: DVector<f64>,
     /// Bound on eᵀPe; infinite before [`Self::open`].
     v: f64,
-    gain: DMatrix<f64>,
+    /// The same for the prediction, between [`Self::predict`] and [`Self::update`].
+    v_predicted: f64,
     term: DVector<f64>,
     scratch: DVector<f64>,
     innovation: DVector<f64>,
 }
 
 impl Filter {
-    pub fn new(design: Arc<SampledDesign>) -> Self {
-        let (n, p) = (design.a.nrows(), design.c.nrows());
+    pub fn new(designed: Arc<Designed>) -> Self {
+        let (n, p) = (designed.plant.a.nrows(), designed.plant.c.nrows());
         Self {
             x: DVector::zeros(n),
             v: f64::INFINITY,
-            gain: DMatrix::zeros(n, p),
+            v_predicted: f64::INFINITY,
             term: DVector::zeros(n),
             scratch: DVector::zeros(n),
             innovation: DVector::zeros(p),
-            design,
+            designed,
         }
-    }
-
-    pub fn design(&self) -> &SampledDesign {
-        &self.design
     }
 
     pub fn state(&self) -> &DVector<f64> {
@@ -46,6 +65,11 @@ impl Filter {
         &mut self.x
     }
 
+    /// Number of outputs.
+    pub fn outputs(&self) -> usize {
+        self.innovation.len()
+    }
+
     /// The bound on eᵀPe.
     pub fn level(&self) -> f64 {
         self.v
@@ -53,15 +77,16 @@ impl Filter {
 
     /// Half-width of the error of state `i`: the projection of the ellipsoid, `√(V (P⁻¹)ᵢᵢ)`.
     pub fn half_width(&self, i: usize) -> f64 {
-        (self.v * self.design.p_inv[(i, i)]).sqrt()
+        self.v.sqrt() * self.designed.design.half_widths[i]
     }
 
-    /// Opens the bound to hold every error with `|eᵢ| ≤ box[i]`: `eᵀPe ≤ Σ|Pᵢⱼ| bᵢbⱼ`.
+    /// Opens the bound to hold every error with `|eᵢ| ≤ half_widths[i]`: `eᵀPe ≤ Σ|Pᵢⱼ| bᵢbⱼ`.
     pub fn open(&mut self, half_widths: &[f64]) {
+        let p = &self.designed.design.p;
         let mut v: f64 = 0.0;
         for (i, bi) in half_widths.iter().enumerate() {
             for (j, bj) in half_widths.iter().enumerate() {
-                v += self.design.p[(i, j)].abs() * bi * bj;
+                v += p[(i, j)].abs() * bi * bj;
             }
         }
         self.v = v.max(1.0);
@@ -69,46 +94,68 @@ impl Filter {
 
     /// Moves the state by `dt_s` under a constant input `u` (one value for each state).
     pub fn predict(&mut self, u: &DVector<f64>, dt_s: f64) {
+        let a = &self.designed.plant.a;
         // x(Δ) = x + Σ_{k≥1} Δᵏ/k! · A^{k−1}(Ax + u): finite, as A is nilpotent
         self.term.copy_from(u);
-        self.term.gemv(1.0, &self.design.a, &self.x, 1.0);
+        self.term.gemv(1.0, a, &self.x, 1.0);
         let mut weight = dt_s;
         for k in 2..=self.x.len() + 1 {
             self.x.axpy(weight, &self.term, 1.0);
-            self.scratch.gemv(1.0, &self.design.a, &self.term, 0.0);
+            self.scratch.gemv(1.0, a, &self.term, 0.0);
             std::mem::swap(&mut self.term, &mut self.scratch);
             if self.term.iter().all(|t| *t == 0.0) {
                 break;
             }
             weight *= dt_s / k as f64;
         }
+        self.v_predicted = match (self.designed.design.locate(dt_s), self.designed.design.partial.first()) {
+            (Some(at), Some(step)) => grow(step, at, self.v),
+            // outside the certified steps nothing is known
+            _ => f64::INFINITY,
+        };
     }
 
     /// `C x⁻ − y` for the prediction and these outputs.
     pub fn innovation(&mut self, y: &DVector<f64>) -> &DVector<f64> {
         self.innovation.copy_from(y);
-        self.innovation.gemv(1.0, &self.design.c, &self.x, -1.0);
+        self.innovation.gemv(1.0, &self.designed.plant.c, &self.x, -1.0);
         &self.innovation
     }
 
-    /// Largest `|C x⁻ − y|` of output `j` that the bound before the step and output noise of half-width `noise` admit.
-    pub fn admissible(&self, j: usize, dt_s: f64, noise: f64) -> f64 {
-        let (growth, offset) = self.design.prediction_growth(dt_s);
-        ((growth * self.v + offset) * self.design.output_spread[j]).sqrt() + noise
+    /// Largest `|C x⁻ − y|` of output `j` that the predicted bound and output noise of half-width `noise` admit.
+    pub fn admissible(&self, j: usize, noise: f64) -> f64 {
+        (self.v_predicted * self.designed.spread[j]).sqrt() + noise
     }
 
-    /// Takes in the outputs after [`Self::predict`] over the same `dt_s`.
-    pub fn update(&mut self, y: &DVector<f64>, dt_s: f64) {
-        self.design.gain_at(dt_s, &mut self.gain);
+    /// Takes in the outputs after [`Self::predict`] over the same `dt_s`. Bit j of `present` says that output j came.
+    pub fn update(&mut self, y: &DVector<f64>, present: u32, dt_s: f64) {
+        let designed = Arc::clone(&self.designed);
+        let design = &designed.design;
+        let all = (1_u32 << self.outputs()) - 1;
+        let Some((k, share)) = design.locate(dt_s) else {
+            self.v = f64::INFINITY;
+            return;
+        };
         self.innovation(y);
-        self.x.gemv(1.0, &self.gain, &self.innovation, 1.0);
-        let decay = (-self.design.alpha * dt_s).exp();
-        self.v = decay * self.v + (1.0 - decay);
+        let (gains, v) = if present & all == all {
+            let decay = (-design.alpha * dt_s).exp();
+            (&design.gains, decay * self.v + (1.0 - decay))
+        } else if let Some(step) = design.partial.get((present & all) as usize) {
+            (&step.gains, grow(step, (k, share), self.v))
+        } else {
+            self.v = self.v_predicted;
+            return;
+        };
+        let next = (k + 1).min(gains.len() - 1);
+        self.x.gemv(1.0 - share, &gains[k], &self.innovation, 1.0);
+        self.x.gemv(share, &gains[next], &self.innovation, 1.0);
+        self.v = v;
     }
+}
 
-    /// The outputs did not come: the bound grows as the plant does.
-    pub fn skip(&mut self, dt_s: f64) {
-        let (growth, offset) = self.design.prediction_growth(dt_s);
-        self.v = growth * self.v + offset;
-    }
+/// The level after a step with missing outputs.
+fn grow(step: &PartialStep, (k, share): (usize, f64), v: f64) -> f64 {
+    let next = (k + 1).min(step.growth.len() - 1);
+    let between = |x: &[f64]| x[k] + share * (x[next] - x[k]);
+    between(&step.growth) * v + between(&step.offset)
 }

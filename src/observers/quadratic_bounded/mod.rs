@@ -7,11 +7,15 @@
 //! | `filter` | the sampled observer and the level of its certificate, for any plant |
 //! | `online` | the observer on a flying vehicle |
 
+mod certify;
 mod channels;
 mod filter;
+mod flow;
+mod jet;
 mod online;
+mod plant;
 mod sampled;
 
 pub use channels::{Channels, REGISTRATION};
-pub use filter::Filter;
+pub use filter::{Designed, Filter};
 pub use online::WrenchObserver;

@@ -83,7 +83,7 @@ impl WrenchObserver {
         Self {
             vehicle: vehicle.clone(),
             inputs: filters.each_ref().map(|f| DVector::zeros(f.state().len())),
-            outputs: filters.each_ref().map(|f| DVector::zeros(f.design().c.nrows())),
+            outputs: filters.each_ref().map(|f| DVector::zeros(f.outputs())),
             filters,
             pace: Pace::Fast,
             quick_steps: 0,
@@ -104,7 +104,7 @@ impl WrenchObserver {
     /// Chooses the design that is certified for the sample times that come. True when it changed: then the bound of
     /// the other design means nothing and must be opened anew.
     fn keep_pace(&mut self, dt_s: f64) -> bool {
-        let fits_fast = dt_s <= Channels::max_dt_s(Pace::Fast);
+        let fits_fast = self.channels.covers(Pace::Fast, dt_s);
         self.quick_steps = if fits_fast { self.quick_steps.saturating_add(1) } else { 0 };
         let pace = match self.pace {
             Pace::Fast if !fits_fast => Pace::Slow,
@@ -185,11 +185,11 @@ impl WrenchObserver {
             let family = Family::of(i) as usize;
             let filter = &mut self.filters[i];
             let noise = [self.channels.momentum_noise(i), force_noise];
-            for (j, noise) in noise.into_iter().enumerate().take(filter.design().c.nrows()) {
-                let allowed = filter.admissible(j, dt_s, noise);
+            for (j, noise) in noise.into_iter().enumerate().take(filter.outputs()) {
+                let allowed = filter.admissible(j, noise);
                 worst[family] = worst[family].max(filter.innovation(&self.outputs[i])[j].abs() / allowed);
             }
-            filter.update(&self.outputs[i], dt_s);
+            filter.update(&self.outputs[i], u32::MAX, dt_s);
         }
         for family in [Family::Force, Family::Torque] {
             let k = family as usize;
@@ -279,9 +279,9 @@ impl Observer for WrenchObserver {
         let previous = self.previous.replace(frame).unwrap_or(frame);
         self.fill(&frame, &previous, m);
         let dt_s = m.dt_s;
-        let in_range = dt_s > 0.0 && dt_s <= Channels::max_dt_s(Pace::Slow);
-        let design_changed = in_range && self.keep_pace(dt_s);
-        if !self.opened || m.discontinuity.is_some() || !in_range || design_changed {
+        let design_changed = self.keep_pace(dt_s);
+        let covered = self.channels.covers(self.pace, dt_s);
+        if !self.opened || m.discontinuity.is_some() || !covered || design_changed {
             self.start();
             self.publish(&frame, m, 0.0);
             return Ok(&self.estimate);
