@@ -1,6 +1,6 @@
 use super::filter::Filter;
 use super::online::WrenchObserver;
-use super::sampled::{NoiseBlock, SampledDesign, SampledPlant, design_cached};
+use super::{NoiseBlock, SampledDesign, SampledPlant, design_cached};
 use crate::observers::{BuildError, Observer, Options, Registration};
 use crate::signal::Channel;
 use crate::vehicle::{GRAVITY_MPS2, Vehicle};

@@ -71,7 +71,12 @@ impl Flow {
 
     /// [`Self::transition`] and the [`Self::spread`] of each w as polynomials in the coordinates R·x; `None` when they
     /// are none.
-    pub(super) fn polynomials(&self, r: &DMatrix<f64>, r_inv: &DMatrix<f64>, w: &[DMatrix<f64>]) -> Option<Polynomials> {
+    pub(super) fn polynomials(
+        &self,
+        r: &DMatrix<f64>,
+        r_inv: &DMatrix<f64>,
+        w: &[DMatrix<f64>],
+    ) -> Option<Polynomials> {
         let Self::Polynomial { terms } = self else { return None };
         Some(Polynomials {
             transition: terms.iter().map(|t| r * t * r_inv).collect(),
@@ -183,9 +188,9 @@ mod tests {
             let g = square_root(&s);
             assert_eq!(g.ncols(), rank);
             let back = &g * g.transpose();
-            assert!((0..3).all(|i| (0..3).all(|j| {
-                (back[(i, j)] - s[(i, j)]).abs() <= 1e-11 * (s[(i, i)] * s[(j, j)]).sqrt()
-            })));
+            assert!((0..3).all(|i| {
+                (0..3).all(|j| (back[(i, j)] - s[(i, j)]).abs() <= 1e-11 * (s[(i, i)] * s[(j, j)]).sqrt())
+            }));
         }
     }
 }

@@ -105,13 +105,13 @@ pub struct SampledPlant {
     pub process: Vec<NoiseBlock>,
     pub c: DMatrix<f64>,
     /// Enter the measurement equation.
-    pub measurement: Vec<NoiseBlock>,
+    pub output: Vec<NoiseBlock>,
     /// Selects the states whose bound the design makes small.
     pub e1: DMatrix<f64>,
 }
 
 impl SampledPlant {
-    /// The unit-ball factors of the process and of the measurement blocks; blocks that are zero are left out.
+    /// The unit-ball factors of the process and of the output blocks; blocks that are zero are left out.
     ///
     /// # Errors
     /// Names the first matrix whose shape, entries or definiteness do not fit.
@@ -125,8 +125,8 @@ impl SampledPlant {
             out.retain(|w: &DMatrix<f64>| w.amax() > 0.0);
             Ok(out)
         };
-        let measurement = all(&self.measurement, "measurement", self.c.nrows())?;
-        Ok((all(&self.process, "process", self.a.nrows())?, measurement))
+        let output = all(&self.output, "output", self.c.nrows())?;
+        Ok((all(&self.process, "process", self.a.nrows())?, output))
     }
 }
 
@@ -201,10 +201,13 @@ mod tests {
             a: DMatrix::zeros(2, 2),
             process: vec![NoiseBlock::scalar(2, 1, 1.0)],
             c: dmatrix![1.0, 0.0],
-            measurement: vec![NoiseBlock { w: dmatrix![1.0], q: dmatrix![-1.0] }],
+            output: vec![NoiseBlock { w: dmatrix![1.0], q: dmatrix![-1.0] }],
             e1: dmatrix![0.0, 1.0],
         };
-        assert_eq!(plant.units().unwrap_err().to_string(), "q of measurement noise 0 must be symmetric and positive definite");
+        assert_eq!(
+            plant.units().unwrap_err().to_string(),
+            "q of output noise 0 must be symmetric and positive definite"
+        );
         let wide = SampledPlant { c: DMatrix::zeros(1, 3), ..plant.clone() };
         assert_eq!(wide.units().unwrap_err().to_string(), "C is 1×3, expected 1×2");
         let lame = SampledPlant { e1: dmatrix![0.0, 0.0], ..plant };

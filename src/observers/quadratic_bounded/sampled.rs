@@ -1,7 +1,8 @@
-use super::certify::{Growth, Node, StepLaw, Verdict};
-use super::flow::{Flow, Polynomials, square_root};
+use super::certify::{Coverage, Frame, Growth, Node, Verdict};
+use super::flow::Flow;
 use super::plant::{PlantError, SampledPlant, half_widths, projected, volume};
-use crate::sdp::{Affine, Outcome, Problem, ProblemError, Settings, verify};
+use super::synthesis;
+use crate::sdp::{ProblemError, verify};
 use nalgebra::DMatrix;
 
 /// Why there is no design.
@@ -15,25 +16,18 @@ pub enum DesignError {
     Rate(f64),
     #[error("the step lengths must be positive, finite and rising")]
     Steps,
+    #[error("more than {most} outputs: {found}")]
+    TooManyOutputs { found: usize, most: usize },
     #[error("no observer converges at α = {alpha} 1/s: {why}")]
     Infeasible { alpha: f64, why: String },
-    #[error("the bound at α = {alpha} 1/s can be made as small as one likes: a noise block is missing ({why})")]
+    #[error("the bound at α = {alpha} 1/s can be made as small as one likes, a disturbance is missing: {why}")]
     Unbounded { alpha: f64, why: String },
     #[error("the solver gave no trustworthy design at α = {alpha} 1/s: {why}")]
     Inaccurate { alpha: f64, why: String },
     #[error("the design at α = {alpha} 1/s failed its check: {what} has margin {margin:.1e}")]
     NotVerified { alpha: f64, what: String, margin: f64 },
-    #[error("between its nodes the design at α = {alpha} 1/s fails at a step of {dt_s} s: more nodes are needed")]
+    #[error("the design at α = {alpha} 1/s does not hold at a step of {dt_s} s, between its nodes")]
     BetweenNodes { alpha: f64, dt_s: f64 },
-}
-
-/// How far a statement about all step lengths has been checked.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub enum Coverage {
-    /// Proven for every step length from the first node to the last.
-    Proven,
-    /// Checked at many step lengths between the nodes (A is not nilpotent, so there is no polynomial to enclose).
-    CheckedOnAGrid,
 }
 
 /// The independent check of a sampled design.
@@ -42,8 +36,6 @@ pub struct Certificate {
     pub coverage: Coverage,
     /// Smallest eigenvalue of N(δ) (see `certify`) over the step lengths, in coordinates in which P is the identity.
     pub margin: f64,
-    /// Factor by which the solver's ellipsoid S = P⁻¹ was enlarged so that the bound also holds between the nodes.
-    pub enlarged: f64,
 }
 
 /// What a step does when only some outputs arrive: V⁺ ≤ growth·V + offset at each node, and between two nodes with
@@ -56,7 +48,8 @@ pub struct PartialStep {
     pub gains: Vec<DMatrix<f64>>,
     pub growth: Vec<f64>,
     pub offset: Vec<f64>,
-    pub coverage: Coverage,
+    /// The multipliers that prove it, by node: one per process block, then one per output block. They sum to `offset`.
+    pub weights: Vec<Vec<f64>>,
 }
 
 /// A sampled observer in filter form: predict x⁻ = e^{Aδ}x̂ + (input), update x̂⁺ = x⁻ + L(δ)(C·x⁻ − y).
@@ -68,6 +61,8 @@ pub struct PartialStep {
 pub struct SampledDesign {
     /// 1/s.
     pub alpha: f64,
+    pub a: DMatrix<f64>,
+    pub c: DMatrix<f64>,
     /// The nodes, s, rising.
     pub dt_s: Vec<f64>,
     /// L by node, n×p, with the paper's sign (A + LC).
@@ -76,410 +71,250 @@ pub struct SampledDesign {
     pub p_inv: DMatrix<f64>,
     /// √((P⁻¹)ᵢᵢ), the half-width of each state at V = 1.
     pub half_widths: Vec<f64>,
+    /// (C·P⁻¹·Cᵀ)ⱼⱼ: the square of output j's half-width at V = 1, its own noise left out.
+    pub output_spread: Vec<f64>,
     /// Volume and log det P_z of the ellipsoid of z = E₁x at V = 1.
     pub volume: f64,
     pub log_det: f64,
     pub certificate: Certificate,
+    /// The multipliers that prove it, by node, as shares of 1 − e^{−αδ}.
+    pub shares: Vec<Vec<f64>>,
     /// One for every proper subset of the outputs, indexed by its bit mask.
     pub partial: Vec<PartialStep>,
-    /// Time in the solver, s.
+    /// Time in the solver, s; zero for a design from the cache.
     pub solve_s: f64,
 }
 
 impl SampledDesign {
-    /// The node at or below a step length and how far (0..1) it lies towards the next; `None` outside the nodes.
-    pub fn locate(&self, dt_s: f64) -> Option<(usize, f64)> {
-        let last = self.dt_s.len().checked_sub(1)?;
-        if dt_s.is_nan() || dt_s < self.dt_s[0] || dt_s > self.dt_s[last] {
-            return None;
+    /// The longest step for which the design is certified, s.
+    pub fn longest_step_s(&self) -> f64 {
+        // a design has at least one node
+        self.dt_s[self.dt_s.len() - 1]
+    }
+
+    /// The node below a step length and how far (0..1) it lies towards the next. Outside the nodes the nearest.
+    fn locate(&self, dt_s: f64) -> (usize, usize, f64) {
+        let last = self.dt_s.len() - 1;
+        let next = self.dt_s.partition_point(|&x| x < dt_s).min(last);
+        let k = next.saturating_sub(1);
+        let span = self.dt_s[next] - self.dt_s[k];
+        let s = if span > 0.0 { ((dt_s - self.dt_s[k]) / span).clamp(0.0, 1.0) } else { 0.0 };
+        (k, next, s)
+    }
+
+    /// L(δ) into `gain`, n×p. The certificate covers steps from the first node to the last.
+    pub fn gain_at(&self, dt_s: f64, gain: &mut DMatrix<f64>) {
+        let (k, next, s) = self.locate(dt_s);
+        mix(&self.gains[k], &self.gains[next], s, gain);
+    }
+
+    /// The gain of a step in which only the outputs of a bit mask came, as [`Self::gain_at`].
+    pub fn partial_gain_at(&self, outputs: u32, dt_s: f64, gain: &mut DMatrix<f64>) {
+        match self.partial.get(outputs as usize) {
+            Some(step) => {
+                let (k, next, s) = self.locate(dt_s);
+                mix(&step.gains[k], &step.gains[next], s, gain);
+            }
+            None => self.gain_at(dt_s, gain),
         }
-        let k = self.dt_s.partition_point(|&x| x <= dt_s).saturating_sub(1).min(last.saturating_sub(1));
-        let span = self.dt_s[(k + 1).min(last)] - self.dt_s[k];
-        Some((k, if span > 0.0 { (dt_s - self.dt_s[k]) / span } else { 0.0 }))
+    }
+
+    /// (growth, offset) with V⁺ ≤ growth·V + offset after a pure prediction over any time, s.
+    ///
+    /// Below the first node its values serve, beyond the last node the time is covered in several steps.
+    pub fn prediction_growth(&self, dt_s: f64) -> (f64, f64) {
+        let longest = self.longest_step_s();
+        let (mut growth, mut offset) = (1.0, 0.0);
+        let mut left = dt_s.max(0.0);
+        // so long a gap has no bound that is of use to anyone
+        let most = 1000.0 * longest;
+        if left.is_nan() || left > most {
+            return (f64::INFINITY, f64::INFINITY);
+        }
+        while left > 0.0 {
+            let (g, o) = self.partial_growth(0, left.min(longest));
+            (growth, offset) = (g * growth, g * offset + o);
+            left -= longest;
+        }
+        (growth, offset)
+    }
+
+    /// (growth, offset) of a step, no longer than the last node, in which only the outputs of a bit mask came.
+    ///
+    /// With all outputs it is the decay of the certificate.
+    pub fn partial_growth(&self, outputs: u32, dt_s: f64) -> (f64, f64) {
+        match self.partial.get(outputs as usize) {
+            Some(step) => {
+                let (k, next, s) = self.locate(dt_s);
+                let between = |v: &[f64]| v[k] + s * (v[next] - v[k]);
+                (between(&step.growth), between(&step.offset))
+            }
+            None => {
+                let decay = (-self.alpha * dt_s).exp();
+                (decay, 1.0 - decay)
+            }
+        }
+    }
+}
+
+fn mix(a: &DMatrix<f64>, b: &DMatrix<f64>, s: f64, out: &mut DMatrix<f64>) {
+    for ((out, a), b) in out.iter_mut().zip(a.iter()).zip(b.iter()) {
+        *out = a + s * (b - a);
     }
 }
 
 /// `count` step lengths from `shortest` to `longest`, in equal ratios.
 pub fn step_nodes(shortest_s: f64, longest_s: f64, count: usize) -> Vec<f64> {
-    match count {
-        0 => Vec::new(),
-        1 => vec![longest_s],
-        _ => {
-            let ratio = longest_s / shortest_s;
-            let inner = |k| shortest_s * ratio.powf(k as f64 / (count - 1) as f64);
-            (0..count)
-                .map(|k| if k == 0 { shortest_s } else if k == count - 1 { longest_s } else { inner(k) })
-                .collect()
-        }
-    }
+    let at = |k: usize| match k {
+        0 => shortest_s,
+        _ if k + 1 == count => longest_s,
+        _ => shortest_s * (longest_s / shortest_s).powf(k as f64 / (count - 1) as f64),
+    };
+    if count == 1 { vec![longest_s] } else { (0..count).map(at).collect() }
 }
 
-/// The plant in the form the design works with.
-struct Prepared<'a> {
-    plant: &'a SampledPlant,
-    flow: Flow,
-    process: Vec<DMatrix<f64>>,
-    measurement: Vec<DMatrix<f64>>,
-    alpha: f64,
-}
+/// The most outputs a design takes: it holds a step for every subset of them.
+const MOST_OUTPUTS: usize = 6;
 
-/// What the semidefinite program gave.
-struct Solved {
-    p: DMatrix<f64>,
-    gains: Vec<DMatrix<f64>>,
-    /// Shares of λ by node, process blocks first.
-    weights: Vec<Vec<f64>>,
-    seconds: f64,
+/// A checked plant in the form the design works with.
+#[derive(Debug)]
+pub(super) struct Prepared<'a> {
+    pub(super) plant: &'a SampledPlant,
+    pub(super) flow: Flow,
+    /// Unit-ball factors of the disturbances.
+    pub(super) process: Vec<DMatrix<f64>>,
+    pub(super) output: Vec<DMatrix<f64>>,
+    pub(super) alpha: f64,
 }
 
 impl<'a> Prepared<'a> {
-    fn new(plant: &'a SampledPlant, alpha: f64, dt_nodes: &[f64]) -> Result<Self, DesignError> {
-        let (process, measurement) = plant.units()?;
+    pub(super) fn new(plant: &'a SampledPlant, alpha: f64, nodes: &[f64]) -> Result<Self, DesignError> {
+        let (process, output) = plant.units()?;
         if !alpha.is_finite() || alpha <= 0.0 {
             return Err(DesignError::Rate(alpha));
         }
-        let rising = dt_nodes.windows(2).all(|w| w[0] < w[1]);
-        if dt_nodes.is_empty() || !rising || dt_nodes.iter().any(|d| !d.is_finite() || *d <= 0.0) {
+        let rising = nodes.windows(2).all(|w| w[0] < w[1]);
+        if nodes.is_empty() || !rising || nodes.iter().any(|d| !d.is_finite() || *d <= 0.0) {
             return Err(DesignError::Steps);
         }
-        Ok(Self { plant, flow: Flow::new(&plant.a), process, measurement, alpha })
-    }
-
-    /// Largest det X with X ⪯ P_z subject to the step inequality at every node, with one P for all.
-    ///
-    /// At a node with λ = 1 − e^{−αδ}, Y = PL, Gᵢ from [`Flow::spread`], and multipliers τᵢ, σⱼ ≥ 0 with Στ + Σσ ≤ λ (the
-    /// S-procedure with one ellipsoid per block):
-    /// ```text
-    /// [ (1−λ)P        0           0          ((P+YC)A_d)ᵀ ]
-    /// [   0         τᵢ·I          0          ((P+YC)Gᵢ)ᵀ  ]  ⪰ 0
-    /// [   0           0         σⱼ·I           (YVⱼ)ᵀ     ]
-    /// [ (P+YC)A_d  (P+YC)Gᵢ      YVⱼ             P        ]
-    /// ```
-    fn solve(&self, dt_nodes: &[f64]) -> Result<Solved, DesignError> {
-        let (n, outputs) = (self.plant.a.nrows(), self.plant.c.nrows());
-        let e1 = &self.plant.e1;
-        let mut problem = Problem::new();
-        let p = problem.symmetric(n);
-        let x = problem.symmetric(e1.nrows());
-        problem.positive("P ⪰ E₁ᵀXE₁", &p - &e1.transpose() * &x * e1);
-        problem.maximize_log_det(1.0, &x);
-        // z alone would leave P free, even singular, in the other states: they count a little
-        problem.maximize_log_det(OTHER_STATES, &p);
-        let mut unknowns = Vec::new();
-        for (k, &dt) in dt_nodes.iter().enumerate() {
-            let lambda = -(-self.alpha * dt).exp_m1();
-            let y = problem.matrix(n, outputs);
-            let corrected = &p + &y * &self.plant.c;
-            let mut columns = vec![(&corrected * &self.flow.transition(dt), (1.0 - lambda) * &p)];
-            let mut weights = Vec::new();
-            let process = self.process.iter().map(|w| &corrected * &square_root(&self.flow.spread(w, dt)));
-            let measurement = self.measurement.iter().map(|v| &y * v);
-            for effect in process.chain(measurement) {
-                let weight = problem.scalar();
-                let size = effect.shape().1;
-                columns.push((effect, times_identity(&weight, size)));
-                weights.push(weight);
-            }
-            let (sum, inequality) = step_inequality(columns, &p, &weights);
-            problem.positive(format!("step of {dt} s"), inequality);
-            problem.positive(format!("weights at {dt} s"), Affine::constant(DMatrix::from_element(1, 1, lambda)) - sum);
-            unknowns.push((k, y, weights, lambda));
+        let outputs = plant.c.nrows();
+        if outputs > MOST_OUTPUTS {
+            return Err(DesignError::TooManyOutputs { found: outputs, most: MOST_OUTPUTS });
         }
-        let solution = match problem.solve(&Settings::default())? {
-            Outcome::Optimal(s) => s,
-            Outcome::Infeasible(why) => return Err(DesignError::Infeasible { alpha: self.alpha, why: why.to_string() }),
-            Outcome::Unbounded(why) => return Err(DesignError::Unbounded { alpha: self.alpha, why: why.to_string() }),
-            Outcome::Inaccurate { reason, .. } => {
-                return Err(DesignError::Inaccurate { alpha: self.alpha, why: reason });
-            }
-        };
-        let p = solution.value(&p);
-        let factor = p.clone().cholesky().ok_or_else(|| self.not_verified("P", &p))?;
-        let gains = unknowns.iter().map(|(_, y, _, _)| factor.solve(&solution.value(y))).collect();
-        let weights = unknowns
-            .iter()
-            .map(|(_, _, w, lambda)| {
-                let shares: Vec<f64> = w.iter().map(|w| (solution.value(w)[(0, 0)] / lambda).max(1e-12)).collect();
-                let sum: f64 = shares.iter().sum();
-                shares.iter().map(|s| s / sum).collect()
-            })
-            .collect();
-        Ok(Solved { p, gains, weights, seconds: solution.seconds })
+        Ok(Self { plant, flow: Flow::new(&plant.a), process, output, alpha })
     }
 
     fn not_verified(&self, what: &str, m: &DMatrix<f64>) -> DesignError {
         DesignError::NotVerified { alpha: self.alpha, what: what.into(), margin: verify::margin(m) }
     }
+
+    pub(super) fn frame(&self, p: &DMatrix<f64>) -> Result<Frame<'_>, DesignError> {
+        Frame::new(p, &self.flow, &self.plant.c, &self.process, &self.output).ok_or_else(|| self.not_verified("P", p))
+    }
+
+    /// The numbers of full masks: one for each proper subset of the outputs.
+    pub(super) fn subsets(&self) -> std::ops::Range<u32> {
+        0..(1 << self.plant.c.nrows()) - 1
+    }
 }
 
-/// weight·I of a size.
-fn times_identity(weight: &Affine, size: usize) -> Affine {
-    let rows: Vec<Vec<Affine>> = (0..size)
-        .map(|i| (0..=i).map(|j| if i == j { weight.clone() } else { Affine::zeros(1, 1) }).collect())
+/// The numbers that make a design; everything else follows from them and is recomputed, and proven, from them.
+#[derive(Debug, Clone, PartialEq)]
+pub(super) struct Core {
+    pub(super) nodes: Vec<f64>,
+    pub(super) p: DMatrix<f64>,
+    pub(super) gains: Vec<DMatrix<f64>>,
+    pub(super) shares: Vec<Vec<f64>>,
+    pub(super) partial: Vec<PartialStep>,
+}
+
+/// Proves the decay law of a core, whatever its origin.
+pub(super) fn prove_decay(prepared: &Prepared<'_>, frame: &Frame<'_>, core: &Core) -> (Coverage, Verdict) {
+    let nodes: Vec<Node> = core
+        .nodes
+        .iter()
+        .zip(core.gains.iter().zip(&core.shares))
+        .map(|(&dt_s, (l, w))| Node { dt_s, gain: frame.gain(l), growth: 1.0, weights: w.clone() })
         .collect();
-    Affine::symmetric_block(&rows)
+    frame.prove(&nodes, Growth::Decay { alpha: prepared.alpha })
 }
 
-/// The step inequality from (effect, diagonal block) pairs and the corner P, and the sum of the weights.
-fn step_inequality(columns: Vec<(Affine, Affine)>, corner: &Affine, weights: &[Affine]) -> (Affine, Affine) {
-    let mut rows: Vec<Vec<Affine>> = Vec::new();
-    for (i, (_, diagonal)) in columns.iter().enumerate() {
-        let mut row: Vec<Affine> =
-            columns[..i].iter().map(|(_, d)| Affine::zeros(diagonal.shape().0, d.shape().0)).collect();
-        row.push(diagonal.clone());
-        rows.push(row);
+/// Proves what a partial step says about itself, over all step lengths from zero (prediction) or the first node on.
+pub(super) fn prove_partial(frame: &Frame<'_>, nodes: &[f64], step: &PartialStep) -> (Coverage, Verdict) {
+    let at = |k: usize, dt_s: f64| Node {
+        dt_s,
+        gain: frame.gain(&step.gains[k]),
+        growth: step.growth[k],
+        weights: step.weights[k].clone(),
+    };
+    let mut all: Vec<Node> = nodes.iter().enumerate().map(|(k, &dt)| at(k, dt)).collect();
+    if step.outputs == 0 {
+        all.insert(0, at(0, 0.0));
     }
-    let mut last: Vec<Affine> = columns.into_iter().map(|(effect, _)| effect).collect();
-    last.push(corner.clone());
-    rows.push(last);
-    let sum = weights.iter().fold(Affine::zeros(1, 1), |s, w| s + w);
-    (sum, Affine::symmetric_block(&rows))
+    frame.prove(&all, Growth::Linear)
 }
 
-/// Designs the sampled observer at a convergence rate α (1/s) for every step length from the first of `dt_nodes` (s) to
-/// the last: the smallest ellipsoid of z that all steps share.
-///
-/// # Errors
-/// A plant or nodes that do not fit, no observer at this rate, or a design that did not survive its check.
-pub fn design_sampled(plant: &SampledPlant, alpha: f64, dt_nodes: &[f64]) -> Result<SampledDesign, DesignError> {
-    let prepared = Prepared::new(plant, alpha, dt_nodes)?;
-    let solved = prepared.solve(dt_nodes)?;
-    let certified = enlarge_until_certified(&prepared, &solved, dt_nodes)?;
-    finish(&prepared, solved, certified, dt_nodes)
-}
-
-/// Coordinates R·e with P = RᵀR, the plant in them, and the certificate.
-struct Certified {
-    p: DMatrix<f64>,
-    p_inv: DMatrix<f64>,
-    r: DMatrix<f64>,
-    c: DMatrix<f64>,
-    certificate: Certificate,
-}
-
-/// Enlarges the ellipsoid S = P⁻¹ step by step until the decay law holds at every step length.
-///
-/// Enlarging S by κ leaves the contraction part of the inequality as it is and shrinks the noise part by κ; so it
-/// makes room wherever noise acts.
-fn enlarge_until_certified(
-    prepared: &Prepared<'_>,
-    solved: &Solved,
-    dt_nodes: &[f64],
-) -> Result<Certified, DesignError> {
-    let mut failed_at = dt_nodes[0];
-    for enlarged in [1.0 + 1e-6, 1.0 + 1e-5, 1.0 + 1e-4, 1.001, 1.003, 1.01, 1.03, 1.1] {
-        let p = &solved.p / enlarged;
-        let Some(factor) = p.clone().cholesky() else { return Err(prepared.not_verified("P", &p)) };
-        let r = factor.l().transpose();
-        let r_inv = super::plant::over(&DMatrix::identity(p.nrows(), p.nrows()), &r);
-        let c = &prepared.plant.c * &r_inv;
-        let nodes: Vec<Node> = dt_nodes
-            .iter()
-            .zip(&solved.gains)
-            .zip(&solved.weights)
-            .map(|((&dt_s, l), w)| Node { dt_s, gain: &r * l, growth: 1.0, weights: w.clone() })
-            .collect();
-        let law = Law { prepared, r: &r, r_inv: &r_inv, c: &c, growth: Growth::Decay { alpha: prepared.alpha } };
-        match law.check(&nodes, 1.0) {
-            (coverage, Verdict::Proven { margin }) => {
-                let certificate = Certificate { coverage, margin, enlarged };
-                return Ok(Certified { p_inv: &r_inv * r_inv.transpose(), p, r, c, certificate });
-            }
-            (_, Verdict::Refuted { dt_s } | Verdict::Open { dt_s }) => failed_at = dt_s,
+/// Proves a core in every part and completes it to a design.
+pub(super) fn complete(prepared: &Prepared<'_>, core: Core, solve_s: f64) -> Result<SampledDesign, DesignError> {
+    let alpha = prepared.alpha;
+    let frame = prepared.frame(&core.p)?;
+    let (coverage, margin) = match prove_decay(prepared, &frame, &core) {
+        (coverage, Verdict::Proven { margin }) => (coverage, margin),
+        (_, Verdict::Refuted { dt_s } | Verdict::Open { dt_s }) => {
+            return Err(DesignError::BetweenNodes { alpha, dt_s });
+        }
+    };
+    for step in &core.partial {
+        if let (_, Verdict::Refuted { dt_s } | Verdict::Open { dt_s }) = prove_partial(&frame, &core.nodes, step) {
+            return Err(DesignError::BetweenNodes { alpha, dt_s });
         }
     }
-    Err(DesignError::BetweenNodes { alpha: prepared.alpha, dt_s: failed_at })
-}
-
-/// A step law in given coordinates, checked by enclosures where A is nilpotent and on a grid elsewhere.
-struct Law<'a> {
-    prepared: &'a Prepared<'a>,
-    r: &'a DMatrix<f64>,
-    r_inv: &'a DMatrix<f64>,
-    c: &'a DMatrix<f64>,
-    growth: Growth,
-}
-
-/// Weight of log det P beside log det X: what the bound on z may lose for the sake of the other states.
-const OTHER_STATES: f64 = 0.01;
-
-/// Points between two nodes at which a design without polynomials is checked.
-const GRID: usize = 32;
-
-impl Law<'_> {
-    fn check(&self, nodes: &[Node], slack: f64) -> (Coverage, Verdict) {
-        let exact = self.prepared.flow.polynomials(self.r, self.r_inv, &self.prepared.process);
-        match exact {
-            Some(motion) => (Coverage::Proven, self.step_law(&motion, slack).prove(nodes)),
-            None => (Coverage::CheckedOnAGrid, self.check_on_grid(nodes, slack)),
-        }
-    }
-
-    fn step_law<'b>(&'b self, motion: &'b Polynomials, slack: f64) -> StepLaw<'b> {
-        StepLaw {
-            motion,
-            c: self.c,
-            measurement: &self.prepared.measurement,
-            process_blocks: self.prepared.process.len(),
-            growth: self.growth,
-            slack,
-        }
-    }
-
-    fn check_on_grid(&self, nodes: &[Node], slack: f64) -> Verdict {
-        let mut margin = f64::INFINITY;
-        let pairs = nodes.windows(2).map(|w| (&w[0], &w[1]));
-        for (a, b) in pairs.chain(nodes.last().map(|n| (n, n))) {
-            for k in 0..=GRID {
-                let s = k as f64 / GRID as f64;
-                let dt_s = a.dt_s + s * (b.dt_s - a.dt_s);
-                let lowest = verify::smallest_eigenvalue(&self.at(a, b, s, dt_s, slack));
-                if lowest.is_nan() || lowest <= 1e-10 {
-                    return Verdict::Refuted { dt_s };
-                }
-                margin = margin.min(lowest);
-            }
-        }
-        Verdict::Proven { margin }
-    }
-
-    /// N at one step length, by the matrix exponential.
-    fn at(&self, a: &Node, b: &Node, s: f64, dt_s: f64, slack: f64) -> DMatrix<f64> {
-        let n = self.r.nrows();
-        let gain = &a.gain * (1.0 - s) + &b.gain * s;
-        let m = DMatrix::identity(n, n) + &gain * self.c;
-        let f = &m * self.r * self.prepared.flow.transition(dt_s) * self.r_inv;
-        let (growth, unit) = match self.growth {
-            Growth::Decay { alpha } => ((-alpha * dt_s).exp(), -(-alpha * dt_s).exp_m1()),
-            Growth::Linear => ((a.growth * (1.0 - s) + b.growth * s) * slack, 1.0),
-        };
-        let mut out = DMatrix::identity(n, n) - &f * f.transpose() / growth;
-        for (i, (x, y)) in a.weights.iter().zip(&b.weights).enumerate() {
-            let weight = (x * (1.0 - s) + y * s) * unit * slack;
-            let term = match i.checked_sub(self.prepared.process.len()) {
-                None => {
-                    let mr = &m * self.r;
-                    &mr * self.prepared.flow.spread(&self.prepared.process[i], dt_s) * mr.transpose()
-                }
-                Some(j) => {
-                    let lv = &gain * &self.prepared.measurement[j];
-                    &lv * lv.transpose()
-                }
-            };
-            out -= term / weight;
-        }
-        out
-    }
-}
-
-fn finish(
-    prepared: &Prepared<'_>,
-    solved: Solved,
-    certified: Certified,
-    dt_nodes: &[f64],
-) -> Result<SampledDesign, DesignError> {
-    let Certified { p, p_inv, certificate, .. } = &certified;
-    let shadow = projected(p, &prepared.plant.e1);
-    let (volume, log_det) = shadow.and_then(|z| volume(&z)).ok_or_else(|| prepared.not_verified("P_z", p))?;
-    let outputs = prepared.plant.c.nrows();
-    let mut solve_s = solved.seconds;
-    let mut partial = Vec::new();
-    for mask in 0..(1u32 << outputs) - 1 {
-        partial.push(partial_step(prepared, &certified, dt_nodes, mask, &mut solve_s)?);
-    }
+    let p_inv = frame.p_inverse();
+    let plant = prepared.plant;
+    let shadow = projected(&core.p, &plant.e1).and_then(|z| volume(&z));
+    let (volume, log_det) = shadow.ok_or_else(|| prepared.not_verified("P_z", &core.p))?;
     Ok(SampledDesign {
-        alpha: prepared.alpha,
-        dt_s: dt_nodes.to_vec(),
-        gains: solved.gains,
-        half_widths: half_widths(p_inv),
-        p: p.clone(),
-        p_inv: p_inv.clone(),
+        alpha,
+        a: plant.a.clone(),
+        c: plant.c.clone(),
+        half_widths: half_widths(&p_inv),
+        output_spread: (&plant.c * &p_inv * plant.c.transpose()).diagonal().iter().copied().collect(),
+        p_inv,
         volume,
         log_det,
-        certificate: *certificate,
-        partial,
+        certificate: Certificate { coverage, margin },
+        dt_s: core.nodes,
+        gains: core.gains,
+        p: core.p,
+        shares: core.shares,
+        partial: core.partial,
         solve_s,
     })
 }
 
-/// The best step with the outputs in `mask`: for the given P, the gain that makes the bound at V = 1, growth + offset,
-/// smallest at every node.
-fn partial_step(
-    prepared: &Prepared<'_>,
-    certified: &Certified,
-    dt_nodes: &[f64],
-    mask: u32,
-    solve_s: &mut f64,
-) -> Result<PartialStep, DesignError> {
-    let n = certified.r.nrows();
-    let outputs = prepared.plant.c.nrows();
-    let r_inv = super::plant::over(&DMatrix::identity(n, n), &certified.r);
-    let used: Vec<usize> = (0..outputs).filter(|j| mask & (1 << j) != 0).collect();
-    let mut nodes = Vec::new();
-    for &dt in dt_nodes {
-        // in the coordinates R·e, where P is the identity
-        let mut problem = Problem::new();
-        let growth = problem.scalar();
-        let mut gain = Affine::zeros(n, outputs);
-        if !used.is_empty() {
-            let free = problem.matrix(n, used.len());
-            let place = DMatrix::from_fn(used.len(), outputs, |i, j| if used[i] == j { 1.0 } else { 0.0 });
-            gain = free * &place;
+/// Designs the sampled observer at a convergence rate α (1/s) for every step length from the first of `nodes` (s) to the
+/// last: the smallest ellipsoid of z that all steps share, with a gain for each node. Where the interpolated gain does
+/// not hold between two nodes, nodes are added.
+///
+/// # Errors
+/// A plant or nodes that do not fit, no observer at this rate, or a design that did not survive its check.
+pub fn design_sampled(plant: &SampledPlant, alpha: f64, nodes: &[f64]) -> Result<SampledDesign, DesignError> {
+    let mut nodes = nodes.to_vec();
+    let mut failure = None;
+    // each round doubles the density of the nodes
+    for _ in 0..3 {
+        let prepared = Prepared::new(plant, alpha, &nodes)?;
+        match synthesis::synthesise(&prepared, &nodes) {
+            Ok((core, solve_s)) => return complete(&prepared, core, solve_s),
+            Err(e @ DesignError::BetweenNodes { .. }) if nodes.len() > 1 => failure = Some(e),
+            Err(e) => return Err(e),
         }
-        let corrected = Affine::identity(n) + &gain * &certified.c;
-        let motion = &certified.r * prepared.flow.transition(dt) * &r_inv;
-        let mut columns = vec![(&corrected * &motion, times_identity(&growth, n))];
-        let mut weights = Vec::new();
-        let process =
-            prepared.process.iter().map(|w| &corrected * &(&certified.r * square_root(&prepared.flow.spread(w, dt))));
-        let measurement = prepared.measurement.iter().map(|v| &gain * v);
-        for effect in process.chain(measurement) {
-            let weight = problem.scalar();
-            let size = effect.shape().1;
-            columns.push((effect, times_identity(&weight, size)));
-            weights.push(weight);
-        }
-        let (sum, inequality) = step_inequality(columns, &Affine::identity(n), &weights);
-        problem.positive(format!("step of {dt} s"), inequality);
-        problem.minimize(&sum + &growth);
-        // near-optimal is enough here: the proof below decides
-        let solution = match problem.solve(&Settings { passes: 1, ..Settings::default() })? {
-            Outcome::Optimal(s) | Outcome::Inaccurate { best: Some(s), .. } => s,
-            Outcome::Infeasible(why) => {
-                return Err(DesignError::Infeasible { alpha: prepared.alpha, why: why.to_string() });
-            }
-            Outcome::Unbounded(why) => {
-                return Err(DesignError::Unbounded { alpha: prepared.alpha, why: why.to_string() });
-            }
-            Outcome::Inaccurate { reason, .. } => {
-                return Err(DesignError::Inaccurate { alpha: prepared.alpha, why: reason });
-            }
-        };
-        *solve_s += solution.seconds;
-        nodes.push(Node {
-            dt_s: dt,
-            gain: solution.value(&gain),
-            growth: solution.value(&growth)[(0, 0)],
-            weights: weights.iter().map(|w| solution.value(w)[(0, 0)].max(1e-12)).collect(),
-        });
+        let between = nodes.windows(2).map(|w| (w[0] * w[1]).sqrt());
+        let mut denser: Vec<f64> = nodes.iter().copied().chain(between).collect();
+        denser.sort_by(f64::total_cmp);
+        nodes = denser;
     }
-    let law = Law { prepared, r: &certified.r, r_inv: &r_inv, c: &certified.c, growth: Growth::Linear };
-    let mut failed_at = dt_nodes[0];
-    for slack in [1.0 + 1e-6, 1.0 + 1e-4, 1.001, 1.003, 1.01, 1.03, 1.1] {
-        match law.check(&nodes, slack) {
-            (coverage, Verdict::Proven { .. }) => {
-                return Ok(PartialStep {
-                    outputs: mask,
-                    gains: nodes.iter().map(|k| &r_inv * &k.gain).collect(),
-                    growth: nodes.iter().map(|k| k.growth * slack).collect(),
-                    offset: nodes.iter().map(|k| k.weights.iter().sum::<f64>() * slack).collect(),
-                    coverage,
-                });
-            }
-            (_, Verdict::Refuted { dt_s } | Verdict::Open { dt_s }) => failed_at = dt_s,
-        }
-    }
-    Err(DesignError::BetweenNodes { alpha: prepared.alpha, dt_s: failed_at })
+    Err(failure.unwrap_or(DesignError::Steps))
 }
 
 #[cfg(test)]
@@ -494,7 +329,7 @@ mod tests {
             a: dmatrix![0.0, 1.0; 0.0, 0.0],
             process: vec![NoiseBlock::scalar(2, 0, 0.5), NoiseBlock::scalar(2, 1, 10.0)],
             c: dmatrix![1.0, 0.0; 0.0, 1.0],
-            measurement: vec![NoiseBlock::scalar(2, 0, 0.3), NoiseBlock::scalar(2, 1, 1.5)],
+            output: vec![NoiseBlock::scalar(2, 0, 0.3), NoiseBlock::scalar(2, 1, 1.5)],
             e1: dmatrix![0.0, 1.0],
         }
     }
@@ -507,7 +342,10 @@ mod tests {
                 Ok(d) => {
                     println!(
                         "α {alpha}: {:?} {:?} solve {:.4} all {:?}",
-                        d.half_widths, d.certificate, d.solve_s, started.elapsed()
+                        d.half_widths,
+                        d.certificate,
+                        d.solve_s,
+                        started.elapsed()
                     );
                     println!("   L {:?} .. {:?}", d.gains[0].as_slice(), d.gains[7].as_slice());
                     for p in &d.partial {
