@@ -32,7 +32,7 @@ pub(super) enum Status {
 pub(super) struct Raw {
     pub(super) status: Status,
     pub(super) x: Vec<f64>,
-    /// The multiplier of each constraint, log det's matrix last.
+    /// The multiplier of each block, in the order of [`Problem::blocks`].
     pub(super) duals: Vec<DMatrix<f64>>,
     pub(super) iterations: u32,
     pub(super) seconds: f64,
@@ -79,13 +79,13 @@ pub(super) fn solve(problem: &Problem, scales: &Scales, settings: &Settings) -> 
     let mut rows = Rows::default();
     let mut starts = Vec::new();
 
-    let log_det = objective.log_det.iter().map(|e| (e, 0.0));
-    for (k, (expr, margin)) in problem.constraints().iter().map(|p| (&p.expr, p.margin)).chain(log_det).enumerate() {
+    for (k, (_, expr)) in problem.blocks().enumerate() {
         let n = expr.shape().0;
         let d = &scales.blocks[k];
-        let is_log_det = k == problem.constraints().len();
-        // log det's block holds twice the rows; its upper left corner is packed in the same places
-        let first = rows.open_block(if is_log_det { 2 * n } else { n });
+        let constraint = problem.constraints().get(k);
+        let margin = constraint.map_or(0.0, |c| c.margin);
+        // a log det's block holds twice the rows; its upper left corner is packed in the same places
+        let first = rows.open_block(if constraint.is_some() { n } else { 2 * n });
         starts.push((first, n));
         for j in 0..n {
             for i in 0..=j {
@@ -108,20 +108,20 @@ pub(super) fn solve(problem: &Problem, scales: &Scales, settings: &Settings) -> 
     for (&k, v) in &objective.linear {
         q[k] = -v * c[k];
     }
-    if let (Some(expr), Some(&(first, _))) = (&objective.log_det, starts.last()) {
-        let n = expr.shape().0;
-        let z = |i: usize, j: usize| unknowns + packed(j, i); // i ≥ j
-        q.resize(unknowns + n * (n + 1) / 2, 0.0);
+    let single = objective.linear.is_empty() && objective.log_dets.len() == 1;
+    for ((log_weight, _), &(first, n)) in objective.log_dets.iter().zip(&starts[problem.constraints().len()..]) {
+        let helpers = q.len();
+        let z = |i: usize, j: usize| helpers + packed(j, i); // i ≥ j
+        let t = helpers + n * (n + 1) / 2;
+        q.resize(t, 0.0);
         for i in 0..n {
             for j in 0..=i {
                 rows.entry(first + packed(i, n + j), z(i, j), -SQRT_2);
             }
             rows.entry(first + packed(n + i, n + i), z(i, i), -1.0);
         }
-        let power = settings.log_det == LogDet::GeometricMean && objective.linear.is_empty();
-        let t = q.len();
         let next = rows.b.len();
-        if power {
+        if settings.log_det == LogDet::GeometricMean && single {
             q.push(-1.0);
             for i in 0..n {
                 rows.entry(next + i, z(i, i), -1.0);
@@ -130,7 +130,7 @@ pub(super) fn solve(problem: &Problem, scales: &Scales, settings: &Settings) -> 
             rows.b.resize(next + n + 1, 0.0);
             rows.cones.push(GenPowerConeT(vec![1.0 / n as f64; n], 1));
         } else {
-            q.resize(t + n, -1.0);
+            q.resize(t + n, -log_weight);
             for i in 0..n {
                 rows.entry(next + 3 * i, t + i, -1.0);
                 rows.entry(next + 3 * i + 2, z(i, i), -1.0);

@@ -334,14 +334,8 @@ unsafe fn factor_svd(
         c if c == all => svd::ComputeSvdVectors::Full,
         _ => svd::ComputeSvdVectors::Thin,
     };
-    let mut memory = MemBuffer::new(svd::svd_scratch::<f64>(
-        m,
-        n,
-        want(cols_u, m),
-        want(rows_vt, n),
-        Par::Seq,
-        Spec::default(),
-    ));
+    let mut memory =
+        MemBuffer::new(svd::svd_scratch::<f64>(m, n, want(cols_u, m), want(rows_vt, n), Par::Seq, Spec::default()));
     let mut values = Diag::<f64>::zeros(k);
     // faer gives V; its transposed view is the caller's Vᵀ
     let (into_u, into_v) = unsafe {
@@ -498,16 +492,25 @@ mod tests {
                 for tb in [b'N', b't'] {
                     for (alpha, beta) in [(1.0, 0.0), (0.7, 1.0), (-2.0, 0.5)] {
                         let (a, b, c0) = (entries(1, m, inner), entries(2, inner, n), entries(3, m, n));
-                        let (pa, pb) = (
-                            Padded::new(&stored(ta, &a), 2),
-                            Padded::new(&stored(tb.to_ascii_uppercase(), &b), 1),
-                        );
+                        let (pa, pb) =
+                            (Padded::new(&stored(ta, &a), 2), Padded::new(&stored(tb.to_ascii_uppercase(), &b), 1));
                         let mut pc = Padded::new(&c0, 3);
                         let (m, n, k) = (m as c_int, n as c_int, inner as c_int);
                         unsafe {
                             dgemm_(
-                                &c(ta), &c(tb), &m, &n, &k, &alpha, pa.data.as_ptr(), &pa.ld, pb.data.as_ptr(),
-                                &pb.ld, &beta, pc.data.as_mut_ptr(), &pc.ld,
+                                &c(ta),
+                                &c(tb),
+                                &m,
+                                &n,
+                                &k,
+                                &alpha,
+                                pa.data.as_ptr(),
+                                &pa.ld,
+                                pb.data.as_ptr(),
+                                &pb.ld,
+                                &beta,
+                                pc.data.as_mut_ptr(),
+                                &pc.ld,
                             );
                         }
                         assert!(close(&pc.matrix(), &(&a * &b * alpha + c0 * beta)));
@@ -524,7 +527,19 @@ mod tests {
         let (n, one, zero) = (4, 1.0, 0.0);
         unsafe {
             dgemm_(
-                &c(b'N'), &c(b'N'), &n, &n, &n, &one, a.as_ptr(), &n, a.as_ptr(), &n, &zero, pc.data.as_mut_ptr(), &n,
+                &c(b'N'),
+                &c(b'N'),
+                &n,
+                &n,
+                &n,
+                &one,
+                a.as_ptr(),
+                &n,
+                a.as_ptr(),
+                &n,
+                &zero,
+                pc.data.as_mut_ptr(),
+                &n,
             );
         }
         assert!(close(&pc.matrix(), &(&a * &a)));
@@ -542,12 +557,30 @@ mod tests {
                         let (ni, ki, alpha, beta) = (n as c_int, k as c_int, 1.5, 0.25);
                         unsafe {
                             dsyrk_(
-                                &c(uplo), &c(trans), &ni, &ki, &alpha, pa.data.as_ptr(), &pa.ld, &beta,
-                                one.data.as_mut_ptr(), &one.ld,
+                                &c(uplo),
+                                &c(trans),
+                                &ni,
+                                &ki,
+                                &alpha,
+                                pa.data.as_ptr(),
+                                &pa.ld,
+                                &beta,
+                                one.data.as_mut_ptr(),
+                                &one.ld,
                             );
                             dsyr2k_(
-                                &c(uplo), &c(trans), &ni, &ki, &alpha, pa.data.as_ptr(), &pa.ld, pb.data.as_ptr(),
-                                &pb.ld, &beta, two.data.as_mut_ptr(), &two.ld,
+                                &c(uplo),
+                                &c(trans),
+                                &ni,
+                                &ki,
+                                &alpha,
+                                pa.data.as_ptr(),
+                                &pa.ld,
+                                pb.data.as_ptr(),
+                                &pb.ld,
+                                &beta,
+                                two.data.as_mut_ptr(),
+                                &two.ld,
                             );
                         }
                         let keep = |full: DMatrix<f64>| {
@@ -623,9 +656,27 @@ mod tests {
         for _ in 0..2 {
             unsafe {
                 dsyevr_(
-                    &c(jobz), &c(b'A'), &c(uplo), &ni, pa.data.as_mut_ptr(), &pa.ld, &bound, &bound, &index, &index,
-                    &tolerance, &mut found, w.as_mut_ptr(), z.as_mut_ptr(), &ni, isuppz.as_mut_ptr(),
-                    work.as_mut_ptr(), &lengths.0, iwork.as_mut_ptr(), &lengths.1, &mut info,
+                    &c(jobz),
+                    &c(b'A'),
+                    &c(uplo),
+                    &ni,
+                    pa.data.as_mut_ptr(),
+                    &pa.ld,
+                    &bound,
+                    &bound,
+                    &index,
+                    &index,
+                    &tolerance,
+                    &mut found,
+                    w.as_mut_ptr(),
+                    z.as_mut_ptr(),
+                    &ni,
+                    isuppz.as_mut_ptr(),
+                    work.as_mut_ptr(),
+                    &lengths.0,
+                    iwork.as_mut_ptr(),
+                    &lengths.1,
+                    &mut info,
                 );
             }
             if info != 0 {
@@ -683,12 +734,37 @@ mod tests {
             unsafe {
                 if divide {
                     dgesdd_(
-                        &c(jobu), &mi, &ni, pa_, &pa.ld, ps, pu, &u.ld, pvt, &vt.ld, pw, &lwork, iwork.as_mut_ptr(),
+                        &c(jobu),
+                        &mi,
+                        &ni,
+                        pa_,
+                        &pa.ld,
+                        ps,
+                        pu,
+                        &u.ld,
+                        pvt,
+                        &vt.ld,
+                        pw,
+                        &lwork,
+                        iwork.as_mut_ptr(),
                         &mut info,
                     );
                 } else {
                     dgesvd_(
-                        &c(jobu), &c(jobvt), &mi, &ni, pa_, &pa.ld, ps, pu, &u.ld, pvt, &vt.ld, pw, &lwork, &mut info,
+                        &c(jobu),
+                        &c(jobvt),
+                        &mi,
+                        &ni,
+                        pa_,
+                        &pa.ld,
+                        ps,
+                        pu,
+                        &u.ld,
+                        pvt,
+                        &vt.ld,
+                        pw,
+                        &lwork,
+                        &mut info,
                     );
                 }
             }

@@ -28,8 +28,6 @@ impl Outcome {
     }
 }
 
-pub(super) type Direction = [f64];
-
 /// Values of the unknowns, with what was found when they were put into the constraints.
 #[derive(Debug, Clone)]
 pub struct Solution {
@@ -66,13 +64,11 @@ pub struct Infeasible {
 
 impl Infeasible {
     pub(super) fn new(problem: &Problem, duals: Vec<DMatrix<f64>>) -> Self {
-        let log_det = problem.objective().log_det.iter().map(|e| ("log det".to_owned(), e, 0.0));
-        let blocks = problem.constraints().iter().map(|c| (c.name.clone(), &c.expr, c.margin)).chain(log_det);
         let (mut constant, mut constant_scale) = (0.0, 0.0);
         let mut by_unknown = vec![(0.0, 0.0); problem.unknown_count()];
         let mut positivity = f64::INFINITY;
         let mut multipliers = Vec::new();
-        for ((name, expr, _), z) in blocks.zip(duals) {
+        for ((name, expr), z) in problem.blocks().zip(duals) {
             let norm = z.norm();
             if norm > 0.0 {
                 positivity = positivity.min(verify::smallest_eigenvalue(&z) / norm);
@@ -83,7 +79,7 @@ impl Infeasible {
                 by_unknown[k].0 += f.iter().map(|(&at, v)| v * z[at]).sum::<f64>();
                 by_unknown[k].1 += f.iter().map(|(&at, v)| (v * z[at]).abs()).sum::<f64>();
             }
-            multipliers.push((name, z));
+            multipliers.push((name.to_owned(), z));
         }
         let share = |(a, scale): (f64, f64)| if scale > 0.0 { a / scale } else { 0.0 };
         Self {
@@ -133,10 +129,10 @@ pub struct Unbounded {
 impl Unbounded {
     pub(super) fn new(problem: &Problem, x: Vec<f64>) -> Self {
         let positivity = problem
-            .slopes(&x)
-            .iter()
+            .blocks()
+            .map(|(_, e)| e.slope(&x))
             .filter(|m| m.norm() > 0.0)
-            .map(|m| verify::smallest_eigenvalue(m) / m.norm())
+            .map(|m| verify::smallest_eigenvalue(&m) / m.norm())
             .fold(f64::INFINITY, f64::min);
         let improving = problem.is_improving(&x);
         Self { x, positivity, improving }

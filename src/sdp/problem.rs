@@ -1,8 +1,7 @@
 use super::expr::{Affine, ShapeError, Sparse};
-use super::outcome::{Direction, Infeasible, Outcome, Solution, Unbounded};
+use super::outcome::{Infeasible, Outcome, Solution, Unbounded};
 use super::scaling::Scales;
 use super::{bridge, verify};
-use nalgebra::DMatrix;
 
 /// A mistake in how a problem is stated, as opposed to an answer about it.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
@@ -19,6 +18,8 @@ pub enum ProblemError {
     ForeignUnknown { name: String },
     #[error("`{name}` holds a number that is not finite")]
     NotFinite { name: String },
+    #[error("the weight of a log det must be positive, not {0}")]
+    LogDetWeight(f64),
     #[error("the problem has no constraint")]
     Empty,
     #[error("the solver refused the problem: {0}")]
@@ -31,7 +32,7 @@ pub enum LogDet {
     /// Σ log zᵢ by exponential cones.
     #[default]
     Exponential,
-    /// (Π zᵢ)^{1/n} by a power cone: the same maximiser. Only when the objective holds nothing beside the log det.
+    /// (Π zᵢ)^{1/n} by a power cone: the same maximiser. Only when the objective is a single log det.
     GeometricMean,
 }
 
@@ -62,7 +63,7 @@ pub(super) struct Constraint {
     pub(super) margin: f64,
 }
 
-/// What is to be made large: `linear·x + log det X`, either of which may be absent.
+/// What is to be made large: `linear·x + Σ weight·log det X`, either of which may be absent.
 #[derive(Debug, Clone, Default)]
 pub(super) struct Objective {
     /// Coefficients of the unknowns, for maximisation.
@@ -70,7 +71,8 @@ pub(super) struct Objective {
     pub(super) constant: f64,
     /// The user asked for the smallest value: signs turn on the way out.
     pub(super) negated: bool,
-    pub(super) log_det: Option<Affine>,
+    /// (weight > 0, X).
+    pub(super) log_dets: Vec<(f64, Affine)>,
 }
 
 pub(super) type Sparse1 = std::collections::BTreeMap<usize, f64>;
@@ -163,14 +165,16 @@ impl Problem {
         self.objective.negated = true;
     }
 
-    /// Adds log det of a symmetric expression, which is thereby required to be positive definite, to what is
-    /// maximised.
-    pub fn maximize_log_det(&mut self, expr: impl Into<Affine>) {
+    /// Adds `weight`·log det of a symmetric expression, which is thereby required to be positive definite, to what is
+    /// maximised. The weight must be positive.
+    pub fn maximize_log_det(&mut self, weight: f64, expr: impl Into<Affine>) {
         let expr = expr.into();
         if let Err(e) = self.check_symmetric("log det", &expr) {
             self.error.get_or_insert(e);
+        } else if !(weight > 0.0 && weight.is_finite()) {
+            self.error.get_or_insert(ProblemError::LogDetWeight(weight));
         }
-        self.objective.log_det = Some(expr);
+        self.objective.log_dets.push((weight, expr));
     }
 
     fn set_linear(&mut self, expr: Affine, sign: f64) {
@@ -241,7 +245,7 @@ impl Problem {
         if let Some(e) = &self.error {
             return Err(e.clone());
         }
-        if self.constraints.is_empty() && self.objective.log_det.is_none() {
+        if self.constraints.is_empty() && self.objective.log_dets.is_empty() {
             return Err(ProblemError::Empty);
         }
         if !settings.scaling {
@@ -285,7 +289,7 @@ impl Problem {
     }
 
     fn agree(&self, a: &Solution, b: &Solution, tolerance: f64) -> bool {
-        let scale = if self.objective.log_det.is_some() { 1.0 } else { a.objective.abs().max(b.objective.abs()) };
+        let scale = if !self.objective.log_dets.is_empty() { 1.0 } else { a.objective.abs().max(b.objective.abs()) };
         (a.objective - b.objective).abs() <= tolerance * scale.max(f64::MIN_POSITIVE)
     }
 
@@ -293,10 +297,10 @@ impl Problem {
     pub(super) fn objective_at(&self, x: &[f64]) -> Option<f64> {
         let linear: f64 = self.objective.linear.iter().map(|(&k, q)| q * x.get(k).copied().unwrap_or(0.0)).sum();
         let mut sum = linear + self.objective.constant;
-        if let Some(e) = &self.objective.log_det {
+        for (weight, e) in &self.objective.log_dets {
             let v = e.value(x);
             let l = ((&v + v.transpose()) * 0.5).cholesky()?;
-            sum += l.l_dirty().diagonal().iter().map(|d| 2.0 * d.ln()).sum::<f64>();
+            sum += weight * l.l_dirty().diagonal().iter().map(|d| 2.0 * d.ln()).sum::<f64>();
         }
         Some(if self.objective.negated { -sum } else { sum })
     }
@@ -353,15 +357,16 @@ impl Problem {
         self.constraints.iter().map(|c| (c.name.clone(), verify::margin(&c.expr.value(x)))).collect()
     }
 
-    /// Values of all constraint matrices (log det's included, last) along a direction, without their constants.
-    pub(super) fn slopes(&self, x: &[f64]) -> Vec<DMatrix<f64>> {
-        let log_det = self.objective.log_det.iter();
-        self.constraints.iter().map(|c| &c.expr).chain(log_det).map(|e| e.slope(x)).collect()
+    /// Every matrix that must be positive, with a name: the constraints, then the log dets.
+    pub(super) fn blocks(&self) -> impl Iterator<Item = (&str, &Affine)> {
+        let log_dets = self.objective.log_dets.iter().map(|(_, e)| ("log det", e));
+        self.constraints.iter().map(|c| (c.name.as_str(), &c.expr)).chain(log_dets)
     }
 
-    pub(super) fn is_improving(&self, d: &Direction) -> bool {
+    /// Whether the objective grows without end along a direction that all blocks allow.
+    pub(super) fn is_improving(&self, d: &[f64]) -> bool {
         let rate: f64 = self.objective.linear.iter().map(|(&k, q)| q * d.get(k).copied().unwrap_or(0.0)).sum();
-        rate > 0.0 || self.objective.log_det.as_ref().is_some_and(|e| e.slope(d).trace() > 0.0)
+        rate > 0.0 || rate == 0.0 && self.objective.log_dets.iter().any(|(_, e)| e.slope(d).trace() > 0.0)
     }
 }
 

@@ -7,14 +7,14 @@ use super::problem::Problem;
 /// the solver's tolerances come to mean the same in every row.
 #[derive(Debug, Clone)]
 pub(super) struct Scales {
-    /// D's diagonal by constraint; log det's matrix comes last.
+    /// D's diagonal by constraint; the log dets' matrices come last.
     pub(super) blocks: Vec<Vec<f64>>,
     /// c by unknown.
     pub(super) unknowns: Vec<f64>,
 }
 
-fn blocks(problem: &Problem) -> Vec<&Affine> {
-    problem.constraints().iter().map(|c| &c.expr).chain(problem.objective().log_det.iter()).collect()
+fn blocks(problem: &Problem) -> impl Iterator<Item = &Affine> {
+    problem.blocks().map(|(_, e)| e)
 }
 
 /// The power of two nearest to x > 0 on a logarithmic scale; 1 for anything else.
@@ -25,7 +25,7 @@ fn power_of_two(x: f64) -> f64 {
 impl Scales {
     pub(super) fn none(problem: &Problem) -> Self {
         Self {
-            blocks: blocks(problem).iter().map(|e| vec![1.0; e.shape().0]).collect(),
+            blocks: blocks(problem).map(|e| vec![1.0; e.shape().0]).collect(),
             unknowns: vec![1.0; problem.unknown_count()],
         }
     }
@@ -36,7 +36,7 @@ impl Scales {
         let mut s = Self::none(problem);
         for _ in 0..20 {
             s.balance_unknowns(problem, 0.5);
-            for (e, d) in blocks(problem).iter().zip(&mut s.blocks) {
+            for (e, d) in blocks(problem).zip(&mut s.blocks) {
                 let mut largest = vec![0.0_f64; d.len()];
                 let mut see = |i: usize, j: usize, v: f64| {
                     largest[i] = largest[i].max(v);
@@ -72,7 +72,7 @@ impl Scales {
             return None;
         }
         let mut s = self.clone();
-        for (e, d) in blocks(problem).iter().zip(&mut s.blocks) {
+        for (e, d) in blocks(problem).zip(&mut s.blocks) {
             let mut sizes: Vec<f64> = e.constant_part().diagonal().iter().map(|v| v.abs()).collect();
             for (&k, f) in e.terms() {
                 for (&(i, j), v) in f {
@@ -95,7 +95,7 @@ impl Scales {
 
     fn balance_unknowns(&mut self, problem: &Problem, exponent: f64) {
         let mut largest = vec![0.0_f64; self.unknowns.len()];
-        for (e, d) in blocks(problem).iter().zip(&self.blocks) {
+        for (e, d) in blocks(problem).zip(&self.blocks) {
             for (&k, f) in e.terms() {
                 for (&(i, j), v) in f {
                     largest[k] = largest[k].max((v * self.unknowns[k] * d[i] * d[j]).abs());

@@ -1,7 +1,6 @@
 use super::filter::{Designed, Filter};
 use super::online::WrenchObserver;
-use super::plant::{NoiseBlock, SampledPlant};
-use super::sampled::design_sampled;
+use super::{NoiseBlock, SampledPlant, design_cached};
 use crate::observers::{BuildError, Observer, Options, Registration};
 use crate::signal::Channel;
 use crate::vehicle::{GRAVITY_MPS2, Vehicle};
@@ -132,7 +131,7 @@ fn builder(vehicle: &Vehicle, options: &mut Options) -> Result<Box<dyn Observer>
                 Family::Torque => alpha_torque,
             };
             let plant = plant(b);
-            let design = design_sampled(&plant, alpha.min(ceiling), nodes).map_err(|e| BuildError::Design {
+            let design = design_cached(&plant, alpha.min(ceiling), nodes).map_err(|e| BuildError::Design {
                 observer: REGISTRATION.name,
                 part: format!("world axis {axis}"),
                 source: Box::new(e),

@@ -2,11 +2,16 @@
 //!
 //! | file | what |
 //! |---|---|
+//! | `plant` | plants and their bounded disturbances, checked; ellipsoids and their volumes |
 //! | `sampled` | the design that runs: a certificate for held samples (DESIGN §6.2) |
+//! | `synthesis` | its semidefinite programs |
+//! | `certify` | the proof of that certificate at every step length; `flow`, `jet`: what it computes with |
+//! | `cache` | designs kept on disk |
 //! | `channels` | one design for each world axis of a vehicle, from its declared bounds; the registration |
 //! | `filter` | the sampled observer and the level of its certificate, for any plant |
 //! | `online` | the observer on a flying vehicle |
 
+mod cache;
 mod certify;
 mod channels;
 mod filter;
@@ -15,7 +20,12 @@ mod jet;
 mod online;
 mod plant;
 mod sampled;
+mod synthesis;
 
+pub use cache::{Cache, design_cached};
 pub use channels::{Channels, REGISTRATION};
 pub use filter::{Designed, Filter};
 pub use online::WrenchObserver;
+pub use plant::{NoiseBlock, Plant, PlantError, SampledPlant, half_widths, projected, volume};
+pub use certify::Coverage;
+pub use sampled::{Certificate, DesignError, PartialStep, SampledDesign, design_sampled, step_nodes};
