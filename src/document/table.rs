@@ -4,7 +4,7 @@ use std::ops::{Range, RangeInclusive};
 use toml::Spanned;
 use toml::de::{DeTable, DeValue};
 
-/// A table being read. Asking for a key makes it known; [`Table::finish`] reports the keys that nobody asked for.
+/// A table being read. Asking for a key makes it known; whatever else the table holds is reported in the end.
 pub struct Table<'d> {
     /// `None` for a section that the document leaves out: it reads as an empty one, so that defaults live in one place.
     entries: Option<&'d DeTable<'d>>,
