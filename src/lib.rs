@@ -22,11 +22,13 @@
 //! | [`telemetry`] | MAVLink → `Sample` → `Measurement`; clocks | `wire`, `signal`, `vehicle` |
 //! | [`pipeline`] | one vehicle's chain from frames to a snapshot; no I/O | all of the above |
 //! | [`outputs`] | snapshot → MAVLink messages | `wire`, `signal`, `pipeline` |
-//! | [`config`] | TOML → checked config, every issue at once | `document`, `vehicle`, `observers`, `pipeline`, `wire` |
+//! | [`config`] | TOML → checked config, every issue at once | `document`, `vehicle`, `observers`, `pipeline`, `outputs`, `wire` |
 //! | [`daemon`] | links, forwarding, recording: the only place with tokio | everything |
 //! | [`cli`] | one file per subcommand | everything |
 //!
 //! `tests/architecture.rs` holds the `use` lines of the sources against this table.
+
+#![deny(clippy::print_stdout, clippy::unwrap_used)]
 
 pub mod cli;
 pub mod config;
@@ -42,3 +44,8 @@ pub mod telemetry;
 pub mod vehicle;
 pub mod wind;
 pub mod wire;
+
+/// Compiles the README's examples.
+#[cfg(doctest)]
+#[doc = include_str!("../README.md")]
+struct Readme;

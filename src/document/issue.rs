@@ -33,7 +33,8 @@ impl fmt::Display for Issue {
         writeln!(f, "  {number} | {}", self.excerpt)?;
         let (gutter, indent) = (" ".repeat(number.len()), " ".repeat(self.column.saturating_sub(1)));
         let rule = "^".repeat(self.width.max(1));
-        write!(f, "  {gutter} | {indent}{rule} {}", self.advice)
+        write!(f, "  {gutter} | {indent}{rule}")?;
+        if self.advice.is_empty() { Ok(()) } else { write!(f, " {}", self.advice) }
     }
 }
 
@@ -107,16 +108,20 @@ impl<'d> Log<'d> {
         self.warnings.borrow_mut().push(self.issue(span, key, problem, advice));
     }
 
+    pub fn adopt(&self, issues: Issues) {
+        self.errors.borrow_mut().extend(issues);
+    }
+
     pub fn has_errors(&self) -> bool {
         !self.errors.borrow().is_empty()
     }
 
     pub fn into_issues(self) -> Issues {
-        Issues(in_order(self.errors.into_inner()))
+        Issues(in_order(self.file, self.errors.into_inner()))
     }
 
     pub fn into_warnings(self) -> Vec<Issue> {
-        in_order(self.warnings.into_inner())
+        in_order(self.file, self.warnings.into_inner())
     }
 
     fn issue(&self, span: Range<usize>, key: &str, problem: String, advice: &str) -> Issue {
@@ -138,7 +143,8 @@ impl<'d> Log<'d> {
     }
 }
 
-fn in_order(mut issues: Vec<Issue>) -> Vec<Issue> {
-    issues.sort_by_key(|i| (i.line, i.column));
+/// The document's own issues first, then those of other files.
+fn in_order(file: &str, mut issues: Vec<Issue>) -> Vec<Issue> {
+    issues.sort_by_cached_key(|i| (i.file != file, i.file.clone(), i.line, i.column));
     issues
 }

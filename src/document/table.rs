@@ -1,10 +1,10 @@
-use super::issue::Log;
+use super::issue::{Issues, Log};
 use super::nearest;
 use std::ops::{Range, RangeInclusive};
 use toml::Spanned;
 use toml::de::{DeTable, DeValue};
 
-/// A table being read. Asking for a key makes it known; [`Table::finish`] reports the keys that nobody asked for.
+/// A table being read. Asking for a key makes it known; whatever else the table holds is reported in the end.
 pub struct Table<'d> {
     /// `None` for a section that the document leaves out: it reads as an empty one, so that defaults live in one place.
     entries: Option<&'d DeTable<'d>>,
@@ -77,6 +77,11 @@ impl<'d> Table<'d> {
             self.log.error(self.span.clone(), &path, format!("`{path}` is missing"), &format!("add `{key} = …`"));
         }
         value
+    }
+
+    /// True if the document has nothing in this table.
+    pub fn is_empty(&self) -> bool {
+        self.entries.is_none_or(|entries| entries.is_empty())
     }
 
     /// Reads the table under a key. One that is left out reads as an empty one.
@@ -168,6 +173,11 @@ impl<'d> Value<'d> {
         self.log.warning(self.span.clone(), &self.path, sentence, advice);
     }
 
+    /// Takes over the issues of another document that this value names.
+    pub fn adopt(&self, issues: Issues) {
+        self.log.adopt(issues);
+    }
+
     /// A finite number within `limit`.
     pub fn number(&self, limit: Limit) -> Option<f64> {
         let x = match self.value {
@@ -220,6 +230,10 @@ impl<'d> Value<'d> {
 
     pub fn is_table(&self) -> bool {
         self.value.is_table()
+    }
+
+    pub fn is_flag(&self) -> bool {
+        self.value.is_bool()
     }
 
     pub fn is_text(&self) -> bool {

@@ -1,1 +1,5 @@
-//! (to come)
+//! Snapshot → MAVLink messages.
+
+mod settings;
+
+pub use settings::{OutputSettings, Rate, Rates};

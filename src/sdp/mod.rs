@@ -10,6 +10,8 @@
 
 mod bridge;
 mod expr;
+// C symbols, called by Clarabel through pointers
+#[allow(unsafe_code)]
 #[cfg(not(feature = "system-openblas"))]
 mod lapack;
 mod outcome;
