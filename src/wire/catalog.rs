@@ -1,4 +1,4 @@
-//! What the framing must know about each message: its CRC seed, its length, where its target stands.
+//! What the framing must know about each message: its CRC seed, and where its target stands.
 
 use super::dialect::{ardupilotmega, development, mavobserver};
 use mavlink_core::{MavlinkVersion, Message, consts};
@@ -16,10 +16,6 @@ pub struct MessageInfo {
     pub name: &'static str,
     /// Seed that makes the checksum depend on the message's definition.
     pub crc_extra: u8,
-    /// Payload length in bytes, extension fields included.
-    pub len: u8,
-    /// Payload length in bytes in MAVLink 1, which carries no extension fields.
-    pub v1_len: u8,
     /// Payload offset of `target_system`, if the message has one.
     pub target_system: Option<u8>,
     /// Payload offset of `target_component`, if the message has one.
@@ -64,51 +60,27 @@ fn build_page(page: u32) -> Option<Box<[Option<MessageInfo>; PAGE]>> {
 /// looking where it comes out.
 fn describe<M: Message>(id: u32) -> Option<MessageInfo> {
     const MARK: u8 = 0xA5;
-    let mut message = M::default_message_from_id(id)?;
     let serialize = |message: &M| {
         let mut payload = [0; consts::MAX_PAYLOAD_LEN];
-        // MAVLink 1 serialisation does not cut trailing zeros, so the length is that of the whole payload.
-        let len = message.ser(MavlinkVersion::V1, &mut payload);
-        (payload, len)
+        // MAVLink 2, for a target may stand in an extension field; that it cuts zeros does not matter here
+        message.ser(MavlinkVersion::V2, &mut payload);
+        payload
     };
-    let (plain, len) = serialize(&message);
-    let offset_of_mark = |message: &M| {
-        let (marked, _) = serialize(message);
-        // an offset within a payload of at most 255 bytes fits into a byte
-        plain.iter().zip(&marked).position(|(a, b)| a != b).map(|offset| offset as u8)
+    let plain = M::default_message_from_id(id)?;
+    let unmarked = serialize(&plain);
+    let offset = |field: fn(&mut M) -> Option<&mut u8>| {
+        let mut message = M::default_message_from_id(id)?;
+        *field(&mut message)? = MARK;
+        // an offset within 255 bytes fits into a byte
+        unmarked.iter().zip(serialize(&message)).position(|(&a, b)| a != b).map(|at| at as u8)
     };
-    let target_system =
-        message.target_system_id_mut().map(|field| *field = MARK).and_then(|()| offset_of_mark(&message));
-    let mut message = M::default_message_from_id(id)?;
-    let target_component =
-        message.target_component_id_mut().map(|field| *field = MARK).and_then(|()| offset_of_mark(&message));
-    let len = len as u8; // at most MAX_PAYLOAD_LEN = 255
     Some(MessageInfo {
-        name: message.message_name(),
+        name: plain.message_name(),
         crc_extra: M::extra_crc(id),
-        len,
-        v1_len: base_len(id).unwrap_or(len),
-        target_system,
-        target_component,
+        target_system: offset(M::target_system_id_mut),
+        target_component: offset(M::target_component_id_mut),
     })
 }
-
-/// Payload length without extension fields, for the messages that have some and fit into MAVLink 1 (id below 256).
-/// The generated code does not tell; the catalogue test holds this table against the bundled XML.
-fn base_len(id: u32) -> Option<u8> {
-    let i = BASE_LENGTHS.binary_search_by_key(&id, |&(id, _)| u32::from(id)).ok()?;
-    BASE_LENGTHS.get(i).map(|&(_, len)| len)
-}
-
-#[rustfmt::skip]
-const BASE_LENGTHS: [(u8, u8); 57] = [
-    (1, 31), (24, 30), (26, 22), (27, 26), (29, 14), (31, 32), (36, 21), (37, 6), (38, 6), (39, 37), (40, 4), (42, 2),
-    (43, 2), (44, 4), (45, 2), (47, 3), (48, 13), (49, 12), (51, 4), (69, 11), (70, 18), (73, 37), (77, 3), (82, 39),
-    (100, 26), (101, 32), (102, 32), (103, 20), (104, 32), (105, 62), (107, 64), (108, 84), (111, 16), (113, 36),
-    (116, 22), (124, 35), (126, 79), (129, 22), (132, 14), (137, 14), (138, 36), (143, 14), (147, 36), (148, 60),
-    (149, 30), (152, 4), (158, 14), (162, 8), (180, 45), (192, 44), (193, 22), (194, 25), (225, 65), (232, 63),
-    (242, 52), (243, 53), (253, 51),
-];
 
 #[cfg(test)]
 mod tests {
@@ -117,7 +89,7 @@ mod tests {
     #[test]
     fn knows_every_dialect() {
         let heartbeat = message_info(0).unwrap();
-        assert_eq!((heartbeat.name, heartbeat.crc_extra, heartbeat.len), ("HEARTBEAT", 50, 9));
+        assert_eq!((heartbeat.name, heartbeat.crc_extra), ("HEARTBEAT", 50));
         assert_eq!(message_info(168).unwrap().name, "WIND");
         assert_eq!(message_info(44100).unwrap().name, "WRENCH_ESTIMATE");
         assert_eq!(message_info(65_535), None);
@@ -133,11 +105,7 @@ mod tests {
         let set_mode = message_info(11).unwrap();
         assert_eq!((set_mode.target_system, set_mode.target_component), (Some(4), None));
         assert_eq!(message_info(0).unwrap().target_system, None);
-    }
-
-    #[test]
-    fn mavlink_1_has_no_extension_fields() {
-        let status_text = message_info(253).unwrap();
-        assert_eq!((status_text.v1_len, status_text.len), (51, 54));
+        // COMMAND_ACK's target is an extension field.
+        assert_eq!(message_info(77).unwrap().target_system, Some(8));
     }
 }

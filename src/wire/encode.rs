@@ -1,6 +1,5 @@
 //! Messages to frames.
 
-use super::catalog::message_info;
 use super::frame::{CHECKSUM, FrameBuf, HEADER_V1, HEADER_V2, MAGIC_V1, MAGIC_V2};
 use mavlink_core::{MavlinkVersion, MessageData, calculate_crc, consts};
 
@@ -47,8 +46,7 @@ impl Encoder {
         let sequence = self.next_sequence();
         Ok(FrameBuf::build(MavlinkVersion::V1, |bytes| {
             let mut payload = [0; consts::MAX_PAYLOAD_LEN];
-            let whole = message.ser(MavlinkVersion::V1, &mut payload);
-            let len = message_info(M::ID).map_or(whole, |info| usize::from(info.v1_len).min(whole));
+            let len = message.ser(MavlinkVersion::V1, &mut payload);
             let header = [MAGIC_V1, len as u8, sequence, self.system, self.component, id];
             assemble(bytes, &header, &payload[..len], M::EXTRA_CRC)
         }))

@@ -89,6 +89,12 @@ impl<'a> FrameRef<'a> {
         Fields::new(self.payload())
     }
 
+    /// The checksum as sent.
+    pub fn checksum(self) -> u16 {
+        let at = self.header_len() + usize::from(self.bytes[1]);
+        u16::from_le_bytes([self.bytes[at], self.bytes[at + 1]])
+    }
+
     /// Link id, timestamp and signature of a signed frame, 13 bytes.
     pub fn signature(self) -> Option<&'a [u8]> {
         let unsigned = self.header_len() + usize::from(self.bytes[1]) + CHECKSUM;

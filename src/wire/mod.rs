@@ -16,6 +16,7 @@ mod fields;
 mod frame;
 mod parser;
 mod scan;
+pub mod stats;
 pub mod tlog;
 
 pub use catalog::{MessageInfo, message_info};

@@ -26,9 +26,9 @@ use super::scan::{Found, Scanner};
 ///
 /// # Unknown messages
 /// The checksum of a message that no dialect here defines cannot be computed, so a stray magic byte in damaged data
-/// could pass for one. Such a frame is taken as long as its header says, but only if no verified frame begins inside
-/// it, and, unless it directly follows a good frame, only if a magic byte or the end of the data follows it. A frame
-/// whose checksum is right is therefore never lost to an unknown one.
+/// could pass for one. Such a frame is taken as long as its header says, but only if it begins outside any damaged
+/// frame, no verified frame begins inside it, and it either directly follows a good frame or is followed by a magic
+/// byte or the end of the data. A frame whose checksum is right is therefore never lost to an unknown one.
 ///
 /// # Memory
 /// The buffer holds what was pushed and not yet taken out. Taking all events after every push keeps it at one frame

@@ -237,15 +237,15 @@ impl Scanner {
 
     /// Whether the unknown message of this length at `position` is one. See [`Parser`](super::Parser) for the rule.
     fn believe(&mut self, data: &[u8], len: usize, ended: bool) -> Belief {
+        if self.failed.is_some() {
+            return Belief::Reject;
+        }
         let end = self.position + len;
-        let mut at = self.cleared.max(self.position + 1);
-        while let Some(inside) = data[at.min(end)..end].iter().position(|&b| is_magic(b)) {
-            at += inside;
+        let mut at = self.cleared.max(self.position + 1).min(end);
+        while let Some(skip) = data[at..end].iter().position(|&b| is_magic(b)) {
+            at += skip;
             match inspect(&data[at..]) {
-                Candidate::Verified { .. } => {
-                    self.cleared = at;
-                    return Belief::Reject;
-                }
+                Candidate::Verified { .. } => return Belief::Reject,
                 Candidate::Incomplete { .. } if !ended => {
                     self.cleared = at;
                     return Belief::NeedsMore;
@@ -253,15 +253,13 @@ impl Scanner {
                 _ => at += 1,
             }
         }
-        self.cleared = at.max(end);
-        if self.in_step && self.failed.is_none() {
-            return Belief::Accept;
-        }
+        self.cleared = end;
         match data.get(end) {
+            _ if self.in_step => Belief::Accept,
             Some(&byte) if is_magic(byte) => Belief::Accept,
-            Some(_) => Belief::Reject,
             None if ended => Belief::Accept,
             None => Belief::NeedsMore,
+            Some(_) => Belief::Reject,
         }
     }
 }

@@ -3,6 +3,7 @@
 use crate::wire::frame::{CHECKSUM, HEADER_V1};
 use crate::wire::scan::{Candidate, inspect, is_magic};
 use crate::wire::{BadFrame, BadReason, Check, Event, FrameRef, MavlinkVersion};
+use std::ops::Range;
 
 /// Length of a stamp.
 pub(super) const STAMP: usize = 8;
@@ -42,14 +43,14 @@ impl Walk {
                     return self.take(data, at, own_us, Event::Frame(frame(data, at, len, version, Check::Verified)));
                 }
                 Candidate::Unknown { len, version, message_id } => {
-                    if self.record_follows(data, at + len, own_us, ends) {
+                    if self.is_bounded(data, at..at + len, own_us, ends) {
                         let frame = frame(data, at, len, version, Check::UnknownMessage);
                         return self.take(data, at, own_us, Event::Frame(frame));
                     }
                     BadReason::UnconfirmedUnknown { message_id }
                 }
                 Candidate::Bad { len, reason } => {
-                    if self.record_follows(data, at + len, own_us, ends) {
+                    if self.is_bounded(data, at..at + len, own_us, ends) {
                         let bytes = &data[at..at + len];
                         return self.take(data, at, own_us, Event::Bad(BadFrame { bytes, reason }));
                     }
@@ -107,12 +108,19 @@ impl Walk {
         Step { consumed, received_unix_us: self.last_us, event }
     }
 
-    /// Whether a record begins, or the log ends, at `at`, which vouches for the bounds of the frame before it.
-    fn record_follows(&self, data: &[u8], at: usize, own_us: Option<u64>, ends: bool) -> bool {
-        match data.get(at + STAMP) {
-            Some(&byte) => is_magic(byte) && self.is_plausible(stamp(data, at), own_us),
-            None => ends && at <= data.len(),
-        }
+    /// Whether a frame that no checksum vouches for lies here by its own length: a record or the end of the log follows
+    /// it, and no verified record begins inside it.
+    fn is_bounded(&self, data: &[u8], frame: Range<usize>, own_us: Option<u64>, ends: bool) -> bool {
+        let follows = match data.get(frame.end + STAMP) {
+            Some(&byte) => is_magic(byte) && self.is_plausible(stamp(data, frame.end), own_us),
+            None => ends && frame.end == data.len(),
+        };
+        let is_record = |at: usize| {
+            self.is_plausible(stamp(data, at - STAMP), own_us)
+                && matches!(data.get(at..).map(inspect), Some(Candidate::Verified { .. }))
+        };
+        follows
+            && !(frame.start + STAMP..frame.end).any(|at| data.get(at).is_some_and(|&b| is_magic(b)) && is_record(at))
     }
 
     /// Whether a stamp is near the last one or near `other`. The first stamp of a log is believed.
