@@ -7,6 +7,7 @@ pub mod check;
 mod config_args;
 mod logging;
 mod output;
+pub mod replay;
 
 pub use config_args::{ConfigArgs, VehicleArg};
 pub use output::print;
@@ -30,6 +31,7 @@ const EXIT_CODES: &str = "Exit codes: 0 done, 1 failed, 2 wrong usage or config.
 
 #[derive(Debug, Subcommand)]
 enum Command {
+    Replay(replay::ReplayArgs),
     Check(check::CheckArgs),
 }
 
@@ -80,6 +82,7 @@ impl From<VehicleError> for Failure {
 pub fn run(cli: Cli) -> Result<(), Failure> {
     logging::start(cli.verbosity);
     match cli.command {
+        Command::Replay(args) => replay::run(&args),
         Command::Check(args) => check::run(args),
     }
 }

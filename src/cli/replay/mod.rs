@@ -3,10 +3,10 @@
 mod estimates;
 mod summary;
 
-use super::Failure;
-use crate::pipeline::{Event, Fleet, FleetSettings};
-use crate::vehicle::{self, Vehicle};
-use crate::wire::tlog::{LogFormat, TlogReader};
+use super::{ConfigArgs, Failure};
+use crate::pipeline::{Event, Fleet};
+use crate::vehicle;
+use crate::wire::tlog::{LogFormat, TlogError, TlogReader};
 use crate::wire::{self, FrameRef};
 use estimates::EstimatesCsv;
 use serde::Serialize;
@@ -26,9 +26,8 @@ const EXAMPLES: &str = "Examples:
 pub struct ReplayArgs {
     /// A telemetry log (.tlog)
     pub log: PathBuf,
-    /// The vehicle: a preset or a TOML file [default: the simulator's model of the log's autopilot]
-    #[arg(long, value_name = "PRESET|FILE")]
-    pub vehicle: Option<String>,
+    #[command(flatten)]
+    pub config: ConfigArgs,
     /// Write every estimate to this CSV file
     #[arg(long, value_name = "CSV")]
     pub estimates: Option<PathBuf>,
@@ -51,13 +50,18 @@ struct Report {
 
 pub fn run(args: &ReplayArgs) -> Result<(), Failure> {
     let failed = |e: &dyn std::fmt::Display| Failure::Failed(format!("{}: {e}", args.log.display()));
-    let (model, model_assumed) = match &args.vehicle {
-        Some(name) => (vehicle::resolve(name).map_err(|e| Failure::Usage(e.to_string()))?, false),
-        None => (assumed_model(&args.log).map_err(|e| failed(&e))?, true),
-    };
-    let name = model.name.clone();
-    let mut fleet =
-        Fleet::new(FleetSettings::standard(Arc::new(model))).map_err(|e| Failure::Failed(e.to_string()))?;
+    let (mut config, warnings) = args.config.load()?;
+    for w in &warnings {
+        tracing::warn!("{w}");
+    }
+    let model_assumed = config.vehicles.default.is_none();
+    if model_assumed {
+        let preset = assumed_model(&args.log).map_err(|e| failed(&e))?;
+        config.vehicles.default = Some(Arc::new(vehicle::resolve(preset)?));
+    }
+    let name = config.vehicles.default.as_ref().map_or_else(String::new, |v| v.name.clone());
+    let settings = config.fleet().ok_or_else(|| Failure::Usage("no vehicle model; give --vehicle".to_owned()))?;
+    let mut fleet = Fleet::new(settings).map_err(|e| Failure::Failed(e.to_string()))?;
     let mut reader = TlogReader::open(&args.log).map_err(|e| failed(&e))?;
     let mut csv = match &args.estimates {
         Some(path) => Some(EstimatesCsv::create(path).map_err(|e| cannot_write(path, &e))?),
@@ -122,21 +126,21 @@ fn json(report: &Report) -> String {
     serde_json::to_string_pretty(report).unwrap_or_else(|e| format!("{{\"error\": \"{e}\"}}"))
 }
 
+/// MAV_AUTOPILOT_PX4.
+const PX4: u8 = 12;
+const ARDUCOPTER: &str = "arducopter-sitl";
+
 /// The simulator's model of the autopilot whose heartbeat comes first.
-fn assumed_model(log: &Path) -> Result<Vehicle, Box<dyn std::error::Error>> {
+fn assumed_model(log: &Path) -> Result<&'static str, TlogError> {
     let mut reader = TlogReader::open(log)?;
-    let mut preset = "arducopter-sitl";
     while let Some(record) = reader.next()? {
         if let wire::Event::Frame(f) = record.event
             && let Some(autopilot) = autopilot(f)
         {
-            if autopilot == 12 {
-                preset = "px4-sih";
-            }
-            break;
+            return Ok(if autopilot == PX4 { "px4-sih" } else { ARDUCOPTER });
         }
     }
-    Ok(vehicle::resolve(preset)?)
+    Ok(ARDUCOPTER)
 }
 
 /// MAV_AUTOPILOT of a flight controller's heartbeat.

@@ -1,6 +1,6 @@
-use super::filter::{Designed, Filter};
+use super::filter::Filter;
 use super::online::WrenchObserver;
-use super::{NoiseBlock, SampledPlant, design_cached};
+use super::{NoiseBlock, SampledDesign, SampledPlant, design_cached};
 use crate::observers::{BuildError, Observer, Options, Registration};
 use crate::signal::Channel;
 use crate::vehicle::{GRAVITY_MPS2, Vehicle};
@@ -69,8 +69,8 @@ struct Bounds {
 #[derive(Debug, Clone)]
 pub struct Channels {
     bounds: [Bounds; 6],
-    fast: [Arc<Designed>; 6],
-    slow: [Arc<Designed>; 6],
+    fast: [Arc<SampledDesign>; 6],
+    slow: [Arc<SampledDesign>; 6],
     hold_s: f64,
 }
 
@@ -79,7 +79,7 @@ impl Channels {
         self.designs(pace).each_ref().map(|d| Filter::new(Arc::clone(d)))
     }
 
-    fn designs(&self, pace: Pace) -> &[Arc<Designed>; 6] {
+    fn designs(&self, pace: Pace) -> &[Arc<SampledDesign>; 6] {
         match pace {
             Pace::Fast => &self.fast,
             Pace::Slow => &self.slow,
@@ -88,7 +88,8 @@ impl Channels {
 
     /// Is the design of this pace certified for this step?
     pub(super) fn covers(&self, pace: Pace, dt_s: f64) -> bool {
-        self.designs(pace)[0].covers(dt_s)
+        let d = &self.designs(pace)[0];
+        dt_s > 0.0 && d.dt_s.first().is_some_and(|first| dt_s >= *first) && dt_s <= d.longest_step_s()
     }
 
     /// Largest error of each state (momentum, disturbance) when all that is known is the envelope and one momentum
@@ -118,8 +119,8 @@ fn builder(vehicle: &Vehicle, options: &mut Options) -> Result<Box<dyn Observer>
     let alpha_torque = options.number("alpha_torque", 0.5, 20.0).map_err(option)?.unwrap_or(8.0);
     let hold_s = options.number("gust_s", 0.0, 10.0).map_err(option)?.unwrap_or(0.3);
     let bounds = bounds_of(vehicle);
-    let design = |nodes: &[f64], ceiling: f64| -> Result<Vec<Arc<Designed>>, BuildError> {
-        let mut made: Vec<Arc<Designed>> = Vec::with_capacity(6);
+    let design = |nodes: &[f64], ceiling: f64| -> Result<Vec<Arc<SampledDesign>>, BuildError> {
+        let mut made: Vec<Arc<SampledDesign>> = Vec::with_capacity(6);
         for (axis, b) in bounds.iter().enumerate() {
             // axes with the same bounds share one design
             if let Some(same) = bounds[..axis].iter().position(|x| x == b) {
@@ -136,11 +137,11 @@ fn builder(vehicle: &Vehicle, options: &mut Options) -> Result<Box<dyn Observer>
                 part: format!("world axis {axis}"),
                 source: Box::new(e),
             })?;
-            made.push(Arc::new(Designed::new(plant, design)));
+            made.push(Arc::new(design));
         }
         Ok(made)
     };
-    let six = |v: Vec<Arc<Designed>>| std::array::from_fn(|i| Arc::clone(&v[i]));
+    let six = |v: Vec<Arc<SampledDesign>>| std::array::from_fn(|i| Arc::clone(&v[i]));
     let channels = Channels {
         fast: six(design(&FAST_DT_S, f64::INFINITY)?),
         // slow streams cannot keep up with a fast decay
@@ -200,12 +201,12 @@ fn plant(b: &Bounds) -> SampledPlant {
     let ball = |radius: f64| DMatrix::from_element(1, 1, radius.powi(-2));
     let block = |w: DMatrix<f64>, radius: f64| NoiseBlock { w, q: ball(radius) };
     let process = vec![block(dmatrix![1.0; 0.0], b.input), block(dmatrix![0.0; 1.0], b.rate)];
-    let (c, measurement) = match b.direct {
+    let (c, output) = match b.direct {
         Some(direct) => (
             DMatrix::identity(2, 2),
             vec![block(dmatrix![1.0; 0.0], b.momentum), block(dmatrix![0.0; 1.0], direct)],
         ),
         None => (dmatrix![1.0, 0.0], vec![block(dmatrix![1.0], b.momentum)]),
     };
-    SampledPlant { a: dmatrix![0.0, 1.0; 0.0, 0.0], process, c, measurement, e1: DMatrix::identity(2, 2) }
+    SampledPlant { a: dmatrix![0.0, 1.0; 0.0, 0.0], process, c, output, e1: DMatrix::identity(2, 2) }
 }

@@ -1,28 +1,6 @@
-use super::plant::SampledPlant;
-use super::sampled::{PartialStep, SampledDesign};
-use nalgebra::DVector;
+use super::sampled::SampledDesign;
+use nalgebra::{DMatrix, DVector};
 use std::sync::Arc;
-
-/// A plant and the sampled design made for it.
-#[derive(Debug, Clone, PartialEq)]
-pub struct Designed {
-    pub plant: SampledPlant,
-    pub design: SampledDesign,
-    /// (C P⁻¹ Cᵀ)ⱼⱼ: how far V = 1 spreads output j, squared.
-    spread: Vec<f64>,
-}
-
-impl Designed {
-    pub fn new(plant: SampledPlant, design: SampledDesign) -> Self {
-        let spread = (&plant.c * &design.p_inv * plant.c.transpose()).diagonal().iter().copied().collect();
-        Self { plant, design, spread }
-    }
-
-    /// Step lengths that the certificate covers, s.
-    pub fn covers(&self, dt_s: f64) -> bool {
-        self.design.locate(dt_s).is_some()
-    }
-}
 
 /// The sampled observer in filter form, for any linear plant with a nilpotent `A` (a chain of integrators, as every
 /// plant of the paper is), with the certificate's bound on its error.
@@ -32,29 +10,35 @@ impl Designed {
 /// growth of the partly observed plant when some did not. All storage is allocated here; no step allocates.
 #[derive(Debug, Clone)]
 pub struct Filter {
-    designed: Arc<Designed>,
+    design: Arc<SampledDesign>,
     x: DVector<f64>,
     /// Bound on eᵀPe; infinite before [`Self::open`].
     v: f64,
     /// The same for the prediction, between [`Self::predict`] and [`Self::update`].
     v_predicted: f64,
+    gain: DMatrix<f64>,
     term: DVector<f64>,
     scratch: DVector<f64>,
     innovation: DVector<f64>,
 }
 
 impl Filter {
-    pub fn new(designed: Arc<Designed>) -> Self {
-        let (n, p) = (designed.plant.a.nrows(), designed.plant.c.nrows());
+    pub fn new(design: Arc<SampledDesign>) -> Self {
+        let (n, p) = (design.a.nrows(), design.c.nrows());
         Self {
             x: DVector::zeros(n),
             v: f64::INFINITY,
             v_predicted: f64::INFINITY,
+            gain: DMatrix::zeros(n, p),
             term: DVector::zeros(n),
             scratch: DVector::zeros(n),
             innovation: DVector::zeros(p),
-            designed,
+            design,
         }
+    }
+
+    pub fn design(&self) -> &SampledDesign {
+        &self.design
     }
 
     pub fn state(&self) -> &DVector<f64> {
@@ -77,12 +61,12 @@ impl Filter {
 
     /// Half-width of the error of state `i`: the projection of the ellipsoid, `√(V (P⁻¹)ᵢᵢ)`.
     pub fn half_width(&self, i: usize) -> f64 {
-        self.v.sqrt() * self.designed.design.half_widths[i]
+        self.v.sqrt() * self.design.half_widths[i]
     }
 
     /// Opens the bound to hold every error with `|eᵢ| ≤ half_widths[i]`: `eᵀPe ≤ Σ|Pᵢⱼ| bᵢbⱼ`.
     pub fn open(&mut self, half_widths: &[f64]) {
-        let p = &self.designed.design.p;
+        let p = &self.design.p;
         let mut v: f64 = 0.0;
         for (i, bi) in half_widths.iter().enumerate() {
             for (j, bj) in half_widths.iter().enumerate() {
@@ -94,68 +78,43 @@ impl Filter {
 
     /// Moves the state by `dt_s` under a constant input `u` (one value for each state).
     pub fn predict(&mut self, u: &DVector<f64>, dt_s: f64) {
-        let a = &self.designed.plant.a;
         // x(Δ) = x + Σ_{k≥1} Δᵏ/k! · A^{k−1}(Ax + u): finite, as A is nilpotent
         self.term.copy_from(u);
-        self.term.gemv(1.0, a, &self.x, 1.0);
+        self.term.gemv(1.0, &self.design.a, &self.x, 1.0);
         let mut weight = dt_s;
         for k in 2..=self.x.len() + 1 {
             self.x.axpy(weight, &self.term, 1.0);
-            self.scratch.gemv(1.0, a, &self.term, 0.0);
+            self.scratch.gemv(1.0, &self.design.a, &self.term, 0.0);
             std::mem::swap(&mut self.term, &mut self.scratch);
             if self.term.iter().all(|t| *t == 0.0) {
                 break;
             }
             weight *= dt_s / k as f64;
         }
-        self.v_predicted = match (self.designed.design.locate(dt_s), self.designed.design.partial.first()) {
-            (Some(at), Some(step)) => grow(step, at, self.v),
-            // outside the certified steps nothing is known
-            _ => f64::INFINITY,
-        };
+        let (growth, offset) = self.design.prediction_growth(dt_s);
+        self.v_predicted = growth * self.v + offset;
     }
 
     /// `C x⁻ − y` for the prediction and these outputs.
     pub fn innovation(&mut self, y: &DVector<f64>) -> &DVector<f64> {
         self.innovation.copy_from(y);
-        self.innovation.gemv(1.0, &self.designed.plant.c, &self.x, -1.0);
+        self.innovation.gemv(1.0, &self.design.c, &self.x, -1.0);
         &self.innovation
     }
 
     /// Largest `|C x⁻ − y|` of output `j` that the predicted bound and output noise of half-width `noise` admit.
     pub fn admissible(&self, j: usize, noise: f64) -> f64 {
-        (self.v_predicted * self.designed.spread[j]).sqrt() + noise
+        (self.v_predicted * self.design.output_spread[j]).sqrt() + noise
     }
 
-    /// Takes in the outputs after [`Self::predict`] over the same `dt_s`. Bit j of `present` says that output j came.
+    /// Takes in the outputs after [`Self::predict`] over the same `dt_s`, which must not exceed the design's longest
+    /// step. Bit j of `present` says that output j came.
     pub fn update(&mut self, y: &DVector<f64>, present: u32, dt_s: f64) {
-        let designed = Arc::clone(&self.designed);
-        let design = &designed.design;
-        let all = (1_u32 << self.outputs()) - 1;
-        let Some((k, share)) = design.locate(dt_s) else {
-            self.v = f64::INFINITY;
-            return;
-        };
         self.innovation(y);
-        let (gains, v) = if present & all == all {
-            let decay = (-design.alpha * dt_s).exp();
-            (&design.gains, decay * self.v + (1.0 - decay))
-        } else if let Some(step) = design.partial.get((present & all) as usize) {
-            (&step.gains, grow(step, (k, share), self.v))
-        } else {
-            self.v = self.v_predicted;
-            return;
-        };
-        let next = (k + 1).min(gains.len() - 1);
-        self.x.gemv(1.0 - share, &gains[k], &self.innovation, 1.0);
-        self.x.gemv(share, &gains[next], &self.innovation, 1.0);
-        self.v = v;
+        let all = (1_u32 << self.outputs()) - 1;
+        self.design.partial_gain_at(present & all, dt_s, &mut self.gain);
+        self.x.gemv(1.0, &self.gain, &self.innovation, 1.0);
+        let (growth, offset) = self.design.partial_growth(present & all, dt_s);
+        self.v = growth * self.v + offset;
     }
-}
-
-/// The level after a step with missing outputs.
-fn grow(step: &PartialStep, (k, share): (usize, f64), v: f64) -> f64 {
-    let next = (k + 1).min(step.growth.len() - 1);
-    let between = |x: &[f64]| x[k] + share * (x[next] - x[k]);
-    between(&step.growth) * v + between(&step.offset)
 }

@@ -24,7 +24,7 @@ mod synthesis;
 
 pub use cache::{Cache, design_cached};
 pub use channels::{Channels, REGISTRATION};
-pub use filter::{Designed, Filter};
+pub use filter::Filter;
 pub use online::WrenchObserver;
 pub use plant::{NoiseBlock, Plant, PlantError, SampledPlant, half_widths, projected, volume};
 pub use certify::Coverage;
