@@ -134,13 +134,11 @@ impl Chain {
     }
 
     fn wind(&self, m: &Measurement, wrench: &WrenchEstimate) -> Option<WindEstimate> {
-        let actuation = m.actuation?.value;
         let flow = Flow {
             imu: m.imu,
             body_to_ned: m.attitude?.value,
             velocity_ned_mps: m.velocity_ned_mps?.value,
-            rotor_force_frd_n: actuation.force_frd_n,
-            sum_sqrt_thrust: actuation.sum_sqrt_thrust,
+            actuation: m.actuation?.value,
             density_kgm3: m
                 .air_density_kgm3
                 .map(|d| d.value)

@@ -94,6 +94,10 @@ pub struct Actuation {
     pub torque_frd_nm: Vector3<f64>,
     /// Σ√Tᵢ over the rotors' thrusts, √N: scales rotor drag.
     pub sum_sqrt_thrust: f64,
+    /// Thrust lost to inflow, all rotors, over the square of the climb speed through the air, N per m²/s².
+    pub inflow_n_per_mps2: f64,
+    /// The climb speed over ground that `force_frd_n` reckons with, in place of that through the air, m/s.
+    pub climb_mps: f64,
 }
 
 /// Flight condition, as far as the vehicle tells it.

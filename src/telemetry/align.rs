@@ -9,6 +9,8 @@ use std::sync::Arc;
 
 /// IMU samples closer together than this are averaged into one measurement, s.
 const MIN_PERIOD_S: f64 = 0.0095;
+/// Measurements are at least this far apart, s: averaging makes irregular instants.
+const MIN_SPACING_S: f64 = 0.004;
 /// A measurement waits at most this long (by the vehicle's clock) for samples of the other channels, s.
 const HORIZON_S: f64 = 0.25;
 /// A gap between IMU samples longer than this breaks continuity, s.
@@ -217,7 +219,7 @@ impl Aligner {
             self.flush_pending();
         }
         let after = self.last.map(|m| m.stamp);
-        let (stamp, imu) = self.ready.iter().find(|(s, _)| after.is_none_or(|a| *s > a))?;
+        let (stamp, imu) = self.ready.iter().find(|(s, _)| after.is_none_or(|a| *s - a >= MIN_SPACING_S))?;
         let waited = newest_imu - stamp;
         if waited < HORIZON_S && !self.others_have_reached(stamp) {
             return None;
@@ -316,8 +318,14 @@ impl Aligner {
             climb_mps,
         };
         let (w, sum_sqrt_thrust) = self.vehicle.rotor_wrench(&rotors, air);
-        let value =
-            Actuation { rotors, force_frd_n: w.force_frd_n, torque_frd_nm: w.torque_frd_nm, sum_sqrt_thrust };
+        let value = Actuation {
+            rotors,
+            force_frd_n: w.force_frd_n,
+            torque_frd_nm: w.torque_frd_nm,
+            sum_sqrt_thrust,
+            inflow_n_per_mps2: self.vehicle.thrust.inflow_n_per_mps2(air) * self.vehicle.rotors.len() as f64,
+            climb_mps,
+        };
         Some(Aged { value, age_s })
     }
 

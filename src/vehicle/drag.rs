@@ -18,9 +18,13 @@ impl Drag {
 
     /// Velocity through the air (m/s) at which axis `i` feels `force` (N): the inverse of [`Self::force`]. `None`
     /// where the axis has no drag.
-    pub fn airspeed(&self, i: usize, force: f64, sum_sqrt_thrust: f64, density: f64) -> Option<f64> {
+    ///
+    /// `backward` (N per m²/s²) adds to the quadratic coefficient where the velocity is negative: on body z, the thrust
+    /// that rotors lose to the air that flows in as they climb acts like drag of that direction only.
+    pub fn airspeed(&self, i: usize, force: f64, sum_sqrt_thrust: f64, density: f64, backward: f64) -> Option<f64> {
         let linear = self.linear[i].nominal + self.rotor[i].nominal * sum_sqrt_thrust;
-        solve(force, linear, 0.5 * density * self.area_m2[i].nominal)
+        let quadratic = 0.5 * density * self.area_m2[i].nominal;
+        solve(force, linear, quadratic + if force > 0.0 { backward } else { 0.0 })
     }
 
     /// The interval of velocities through the air that fit a force, for every drag coefficient and density in its
@@ -32,15 +36,14 @@ impl Drag {
         force: Interval,
         sum_sqrt_thrust: Interval,
         density: Interval,
+        backward: Interval,
     ) -> Option<Interval> {
         let linear = self.linear[i].range + self.rotor[i].range * sum_sqrt_thrust;
         let quadratic = self.area_m2[i].range * density * 0.5;
-        let strong = (linear.hi(), quadratic.hi());
-        let weak = (linear.lo().max(0.0), quadratic.lo().max(0.0));
         // v falls with force; for v > 0 (force < 0) weak drag gives the larger |v|
         let end = |f: f64, widen: bool| {
-            let (a, b) = if widen { weak } else { strong };
-            solve(f, a, b)
+            let q = if f > 0.0 { quadratic + backward } else { quadratic };
+            if widen { solve(f, linear.lo().max(0.0), q.lo().max(0.0)) } else { solve(f, linear.hi(), q.hi()) }
         };
         let hi = end(force.lo(), force.lo() < 0.0)?;
         let lo = end(force.hi(), force.hi() > 0.0)?;
@@ -81,20 +84,21 @@ mod tests {
         fn airspeed_inverts_force(v in -30.0..30.0_f64, a in 0.0..2.0_f64, k in 0.001..0.2_f64, cda in 0.0..0.5_f64) {
             let d = drag(a, k, cda);
             let f = d.force(0, v, 10.0, 1.2);
-            prop_assert!((d.airspeed(0, f, 10.0, 1.2).unwrap() - v).abs() < 1e-9 * (1.0 + v.abs()));
+            prop_assert!((d.airspeed(0, f, 10.0, 1.2, 0.0).unwrap() - v).abs() < 1e-9 * (1.0 + v.abs()));
         }
 
         #[test]
         fn every_admissible_vehicle_lies_in_the_interval(
             v in -30.0..30.0_f64, a in 0.0..2.0_f64, k in 0.001..0.2_f64, cda in 0.0..0.5_f64,
-            s in prop::array::uniform5(-1.0..=1.0_f64),
+            back in 0.0..0.1_f64, s in prop::array::uniform6(-1.0..=1.0_f64),
         ) {
             let d = drag(a, k, cda);
             let linear = a * (1.0 + 0.1 * s[0]) + k * (1.0 + 0.1 * s[1]) * (10.0 + 0.5 * s[2]);
-            let f = -linear * v - 0.5 * (1.2 + 0.05 * s[3]) * cda * (1.0 + 0.1 * s[4]) * v * v.abs();
-            let i = d
-                .airspeed_interval(0, Interval::centred(f, 0.1), Interval::centred(10.0, 0.5), Interval::centred(1.2, 0.05))
-                .unwrap();
+            let backward = if v < 0.0 { back * (1.0 + 0.1 * s[5]) } else { 0.0 };
+            let quadratic = 0.5 * (1.2 + 0.05 * s[3]) * cda * (1.0 + 0.1 * s[4]) + backward;
+            let f = Interval::centred(-linear * v - quadratic * v * v.abs(), 0.1);
+            let (sum, density) = (Interval::centred(10.0, 0.5), Interval::centred(1.2, 0.05));
+            let i = d.airspeed_interval(0, f, sum, density, Interval::centred(back, 0.1 * back)).unwrap();
             prop_assert!(i.contains(v), "{v} not in {i:?}");
         }
     }
@@ -102,7 +106,7 @@ mod tests {
     #[test]
     fn an_axis_without_drag_has_no_inverse() {
         let d = drag(0.0, 0.0, 0.0);
-        assert_eq!(d.airspeed(0, 1.0, 10.0, 1.2), None);
+        assert_eq!(d.airspeed(0, 1.0, 10.0, 1.2, 0.0), None);
     }
 
     #[test]

@@ -46,7 +46,7 @@ impl Vehicle {
                 .map(|c| self.actuators.at_zero + c * (self.actuators.at_full - self.actuators.at_zero)),
             max_torque_nm: self.max_torque_nm(),
             drag_at_1_mps_n,
-            wind_per_newton_mps: [0, 1, 2].map(|i| self.drag.airspeed(i, 1.0, sum_sqrt, density).map(f64::abs)),
+            wind_per_newton_mps: [0, 1, 2].map(|i| self.drag.airspeed(i, 1.0, sum_sqrt, density, 0.0).map(f64::abs)),
         }
     }
 

@@ -29,12 +29,21 @@ impl ThrustCurve {
             (Some(v_ref), Some(v)) => (v / v_ref).powi(2),
             _ => 1.0,
         };
-        let density = match (self.density_ref_kgm3, air.density_kgm3) {
+        let density = self.density_ratio(air);
+        let inflow = self.inflow_n_per_mps2(air) * air.climb_mps.max(0.0).powi(2);
+        (self.max_n.nominal * density * voltage * shape - inflow).max(0.0)
+    }
+
+    /// Thrust that one rotor loses to inflow, over the square of the climb speed through the air, N per m²/s².
+    pub fn inflow_n_per_mps2(&self, air: Air) -> f64 {
+        self.inflow_speed_mps.map_or(0.0, |v_max| self.max_n.nominal * self.density_ratio(air) / (v_max * v_max))
+    }
+
+    fn density_ratio(&self, air: Air) -> f64 {
+        match (self.density_ref_kgm3, air.density_kgm3) {
             (Some(rho_ref), Some(rho)) => rho / rho_ref,
             _ => 1.0,
-        };
-        let inflow = self.inflow_speed_mps.map_or(0.0, |v_max| (air.climb_mps.max(0.0) / v_max).powi(2));
-        (self.max_n.nominal * density * (voltage * shape - inflow)).max(0.0)
+        }
     }
 }
 

@@ -1,5 +1,5 @@
 use crate::sets::Interval;
-use crate::signal::Imu;
+use crate::signal::{Actuation, Imu};
 use crate::vehicle::Vehicle;
 use nalgebra::{UnitQuaternion, Vector3};
 
@@ -19,10 +19,7 @@ pub struct Flow {
     pub imu: Imu,
     pub body_to_ned: UnitQuaternion<f64>,
     pub velocity_ned_mps: Vector3<f64>,
-    /// Force of the rotors, body FRD, N.
-    pub rotor_force_frd_n: Vector3<f64>,
-    /// Σ√Tᵢ, √N.
-    pub sum_sqrt_thrust: f64,
+    pub actuation: Actuation,
     /// kg/m³.
     pub density_kgm3: f64,
 }
@@ -39,6 +36,9 @@ const MIN_UPRIGHT: f64 = 0.3;
 /// Share by which Σ√T may be off: the square root halves the thrust's own error.
 const SQRT_THRUST_SHARE: f64 = 0.05;
 
+/// Share by which the inflow law may be off.
+const INFLOW_SHARE: f64 = 0.2;
+
 /// Wind from the residual force (DESIGN §6.7). `None` when no drag coefficient is known, or the vehicle is on its side.
 ///
 /// The lateral body axes give two airspeeds. The third is taken so that the vertical wind is what the vertical drag
@@ -50,12 +50,19 @@ pub fn wind_from_force(vehicle: &Vehicle, flow: &Flow, force: &ForceInterval) ->
     if r[(2, 2)] < MIN_UPRIGHT {
         return None;
     }
-    let value = r.tr_mul(&force.value_ned_n);
-    let sqrt_t = Interval::centred(flow.sum_sqrt_thrust, flow.sum_sqrt_thrust * SQRT_THRUST_SHARE);
+    let act = &flow.actuation;
+    let mut value = r.tr_mul(&force.value_ned_n);
+    // the rotor model lost thrust to the climb over ground; what counts is the climb through the air, which is sought
+    // here: give that loss back and let it act as drag along body z
+    value.z += act.inflow_n_per_mps2 * act.climb_mps.max(0.0).powi(2);
+    let sqrt_t = Interval::centred(act.sum_sqrt_thrust, act.sum_sqrt_thrust * SQRT_THRUST_SHARE);
     let rho = Interval::centred(flow.density_kgm3, flow.density_kgm3 * vehicle.noise.density);
     let airspeed = |i: usize| -> Option<(f64, Interval)> {
-        let nominal = vehicle.drag.airspeed(i, value[i], flow.sum_sqrt_thrust, flow.density_kgm3)?;
-        let range = vehicle.drag.airspeed_interval(i, body_force(vehicle, flow, force, value[i], i), sqrt_t, rho)?;
+        let back = if i == 2 { act.inflow_n_per_mps2 } else { 0.0 };
+        let nominal = vehicle.drag.airspeed(i, value[i], act.sum_sqrt_thrust, flow.density_kgm3, back)?;
+        let range = body_force(vehicle, flow, force, value[i], i);
+        let back = Interval::centred(back, back * INFLOW_SHARE);
+        let range = vehicle.drag.airspeed_interval(i, range, sqrt_t, rho, back)?;
         Some((nominal, range.hull(Interval::point(nominal))))
     };
     let (x, x_range) = airspeed(0)?;
@@ -103,13 +110,14 @@ fn body_force(vehicle: &Vehicle, flow: &Flow, force: &ForceInterval, value: f64,
     let noise = &vehicle.noise;
     let angle = noise.yaw_rad.hypot(noise.tilt_rad);
     let thrust_share = vehicle.thrust.max_n.range.radius() / vehicle.thrust.max_n.nominal.max(f64::MIN_POSITIVE);
-    let thrust_error = thrust_share * flow.rotor_force_frd_n[i].abs();
+    let thrust_error = thrust_share * flow.actuation.force_frd_n[i].abs();
     let from_wrench = Interval::centred(value, spread + angle * force.value_ned_n.norm() + thrust_error);
-    if !force.trust_accelerometer {
+    // along the thrust axis the accelerometer says no more than the wrench does
+    if !force.trust_accelerometer || i == 2 {
         return from_wrench;
     }
     let accel = Interval::centred(flow.imu.accel_frd_mps2[i], noise.accel_mps2[i] + noise.accel_bias_mps2[i]);
-    let from_accel = accel * vehicle.mass_kg.range - Interval::centred(flow.rotor_force_frd_n[i], thrust_error);
+    let from_accel = accel * vehicle.mass_kg.range - Interval::centred(flow.actuation.force_frd_n[i], thrust_error);
     from_wrench.intersect(from_accel).unwrap_or(from_wrench)
 }
 

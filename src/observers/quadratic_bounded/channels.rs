@@ -19,7 +19,7 @@ pub const REGISTRATION: Registration = Registration {
 };
 
 /// Sample times at which the designs are certified, s: one for fast streams, one for slow ones.
-const FAST_DT_S: [f64; 5] = [0.002, 0.01, 0.02, 0.05, 0.12];
+const FAST_DT_S: [f64; 5] = [0.004, 0.01, 0.02, 0.05, 0.12];
 const SLOW_DT_S: [f64; 4] = [0.04, 0.12, 0.27, 0.55];
 /// Steepest lean at which the noise bounds of the level axes are designed, rad.
 const LEAN_RAD: f64 = 0.6;
@@ -161,20 +161,22 @@ fn bounds_of(vehicle: &Vehicle) -> [Bounds; 6] {
     let flat = accel[0].hypot(accel[1]);
     let level = flat + LEAN_RAD.sin() * accel[2];
     let upright = accel[2] + LEAN_RAD.sin() * flat;
-    let size = envelope.force_n.iter().map(|x| x * x).sum::<f64>().sqrt();
+    let horizontal = envelope.force_n[0].hypot(envelope.force_n[1]);
     // the direction of thrust is known to the tilt error; leaning, the rotors pull harder than the weight
     let thrust = mass * GRAVITY_MPS2 / LEAN_RAD.cos();
     let force = |i: usize| {
-        let (accel, turn, input) = if i < 2 {
-            (level, noise.yaw_rad + noise.tilt_rad, noise.tilt_rad + LEAN_RAD.sin() * noise.yaw_rad)
+        // a small rotation moves a force by the angle times the part of it across the axis
+        let (accel, turned, input) = if i < 2 {
+            let turned = noise.yaw_rad * horizontal + noise.tilt_rad * envelope.force_n[2];
+            (level, turned, noise.tilt_rad + LEAN_RAD.sin() * noise.yaw_rad)
         } else {
-            (upright, noise.tilt_rad, LEAN_RAD.sin() * noise.tilt_rad)
+            (upright, noise.tilt_rad * horizontal, LEAN_RAD.sin() * noise.tilt_rad)
         };
         Bounds {
             input: thrust * input,
             rate: envelope.force_rate_nps[i],
             momentum: mass * noise.velocity_mps[i],
-            direct: Some(mass * accel + turn * size),
+            direct: Some(mass * accel + turned),
             envelope: envelope.force_n[i],
         }
     };

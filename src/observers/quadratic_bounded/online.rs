@@ -173,9 +173,14 @@ impl WrenchObserver {
         let body: f64 = (0..3)
             .map(|j| frame.rotation[(i, j)].abs() * (noise.accel_mps2[j] + noise.accel_bias_mps2[j]))
             .sum();
-        let turn = if i < 2 { noise.yaw_rad + noise.tilt_rad } else { noise.tilt_rad };
-        let size = self.outputs[..3].iter().map(|y| y[1] * y[1]).sum::<f64>().sqrt();
-        body * self.vehicle.mass_kg.range.hi() + turn * size
+        let [north, east, down] = [0, 1, 2].map(|k| self.outputs[k][1]);
+        let horizontal = north.hypot(east);
+        let turned = if i < 2 {
+            noise.yaw_rad * horizontal + noise.tilt_rad * down.abs()
+        } else {
+            noise.tilt_rad * horizontal
+        };
+        body * self.vehicle.mass_kg.range.hi() + turned
     }
 
     fn correct(&mut self, frame: &Frame, dt_s: f64) -> f64 {
