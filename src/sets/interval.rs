@@ -9,10 +9,13 @@ pub struct Interval {
 }
 
 impl Interval {
+    /// The whole line: nothing is known.
+    pub const ENTIRE: Self = Self { lo: f64::NEG_INFINITY, hi: f64::INFINITY };
+
     /// The interval between two numbers, in either order. A NaN end gives the whole line: nothing is known.
     pub fn new(a: f64, b: f64) -> Self {
         if a.is_nan() || b.is_nan() {
-            return Self { lo: f64::NEG_INFINITY, hi: f64::INFINITY };
+            return Self::ENTIRE;
         }
         Self { lo: a.min(b), hi: a.max(b) }
     }

@@ -19,8 +19,8 @@ pub const REGISTRATION: Registration = Registration {
 };
 
 /// Sample times at which the designs are certified, s: one for fast streams, one for slow ones.
-const FAST_DT_S: [f64; 5] = [0.004, 0.01, 0.02, 0.05, 0.12];
-const SLOW_DT_S: [f64; 4] = [0.04, 0.12, 0.27, 0.55];
+const FAST_DT_S: [f64; 8] = [0.004, 0.007, 0.01, 0.015, 0.023, 0.04, 0.07, 0.12];
+const SLOW_DT_S: [f64; 6] = [0.04, 0.07, 0.12, 0.2, 0.33, 0.55];
 /// Steepest lean at which the noise bounds of the level axes are designed, rad.
 const LEAN_RAD: f64 = 0.6;
 /// Share of the torque envelope by which the modelled actuator torque may be wrong at any instant.
@@ -101,6 +101,11 @@ impl Channels {
 
     pub(super) fn envelope(&self, axis: usize) -> f64 {
         self.bounds[axis].envelope
+    }
+
+    /// Largest rate of the disturbance.
+    pub(super) fn rate(&self, axis: usize) -> f64 {
+        self.bounds[axis].rate
     }
 
     pub(super) fn momentum_noise(&self, axis: usize) -> f64 {

@@ -13,6 +13,9 @@ const FAST_AFTER: u32 = 10;
 /// Above this level of V the bound still shrinks from a reopening: it says `Settling`.
 const SETTLED_LEVEL: f64 = 1.5;
 
+/// Nothing is known.
+const UNKNOWN: Interval = Interval::ENTIRE;
+
 const SIGNALS: [Signal; 6] = [
     Signal { name: "force_n", unit: "N", frame: "NED" },
     Signal { name: "force_e", unit: "N", frame: "NED" },
@@ -33,9 +36,10 @@ const SIGNALS: [Signal; 6] = [
 /// # The bound
 /// `Guaranteed`, given the vehicle's declared noise bounds and envelope, for the residual wrench: everything the model
 /// does not explain, model error included. While the data agree with the assumptions, the ellipsoid's projection is
-/// intersected with what the accelerometer alone admits. When an output leaves its admissible set, the verdict is
-/// `AssumptionViolated`; the bound is reopened from the envelope, held open for the time a gust front is declared to
-/// last, and decays again.
+/// intersected with what the accelerometer alone admits: the interval of forces that fit every sample so far, widened
+/// by the declared rate from one to the next. When an output leaves its admissible set or that interval empties, the
+/// verdict is `AssumptionViolated`; the bound is reopened from the envelope, held open for the time a gust front is
+/// declared to last, and decays again.
 pub struct WrenchObserver {
     vehicle: Vehicle,
     channels: Channels,
@@ -47,6 +51,8 @@ pub struct WrenchObserver {
     outputs: [DVector<f64>; 6],
     /// For how much longer each family's bound is kept open, s: force, torque.
     hold_s: [f64; 2],
+    /// The forces that fit every accelerometer sample since the last reopening, NED, N.
+    admitted: [Interval; 3],
     opened: bool,
     previous: Option<Frame>,
     estimate: Estimate,
@@ -89,6 +95,7 @@ impl WrenchObserver {
             quick_steps: 0,
             channels,
             hold_s: [0.0; 2],
+            admitted: [UNKNOWN; 3],
             opened: false,
             previous: None,
             estimate: Estimate::unknown(SIGNALS.len()),
@@ -154,6 +161,7 @@ impl WrenchObserver {
         }
         self.open(Family::Force);
         self.open(Family::Torque);
+        self.admitted = [UNKNOWN; 3];
         self.opened = true;
     }
 
@@ -196,11 +204,15 @@ impl WrenchObserver {
             }
             filter.update(&self.outputs[i], u32::MAX, dt_s);
         }
+        worst[Family::Force as usize] = worst[Family::Force as usize].max(self.admit(frame, dt_s));
         for family in [Family::Force, Family::Torque] {
             let k = family as usize;
             if worst[k] > 1.0 {
                 self.violations += 1;
                 self.hold_s[k] = self.channels.hold_s();
+                if family == Family::Force {
+                    self.admitted = [UNKNOWN; 3];
+                }
             }
             if self.hold_s[k] > 0.0 {
                 self.hold_s[k] -= dt_s;
@@ -208,6 +220,31 @@ impl WrenchObserver {
             }
         }
         worst[0].max(worst[1])
+    }
+
+    /// Narrows the intervals of admitted forces by this sample; above 1 when nothing is left of one.
+    fn admit(&mut self, frame: &Frame, dt_s: f64) -> f64 {
+        let mut worst: f64 = 0.0;
+        for i in 0..3 {
+            // while the bound settles, the accelerometer is as suspect as the declared rate
+            if self.filters[i].level() > SETTLED_LEVEL || self.hold_s[Family::Force as usize] > 0.0 {
+                self.admitted[i] = UNKNOWN;
+                continue;
+            }
+            let noise = self.force_noise(frame, i);
+            let seen = Interval::centred(self.outputs[i][1], noise);
+            let drift = self.channels.rate(i) * dt_s;
+            let before = self.admitted[i] + Interval::centred(0.0, drift);
+            match before.intersect(seen) {
+                Some(both) => self.admitted[i] = both,
+                None => {
+                    let gap = (seen.lo() - before.hi()).max(before.lo() - seen.hi());
+                    worst = worst.max(1.0 + gap / noise);
+                    self.admitted[i] = seen;
+                }
+            }
+        }
+        worst
     }
 
     fn publish(&mut self, frame: &Frame, m: &Measurement, residual: f64) {
@@ -225,10 +262,7 @@ impl WrenchObserver {
         for i in 0..3 {
             let value = self.filters[i].state()[1];
             let mut range = self.within_envelope(i, Interval::centred(value, self.filters[i].half_width(1)));
-            if self.filters[i].level() <= SETTLED_LEVEL && self.hold_s[0] <= 0.0 {
-                let seen = Interval::centred(self.outputs[i][1], self.force_noise(frame, i));
-                range = range.intersect(seen).unwrap_or(range);
-            }
+            range = range.intersect(self.admitted[i]).unwrap_or(range);
             let value = value.clamp(range.lo(), range.hi());
             self.estimate.values[i] = value;
             self.estimate.half_widths[i] = (range.hi() - value).max(value - range.lo());
