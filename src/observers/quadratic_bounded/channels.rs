@@ -14,7 +14,7 @@ pub const REGISTRATION: Registration = Registration {
     paper: "Cayero, Rotondo, Morcego, Puig: Optimal state observation using quadratic boundedness (2019)",
     estimates: "residual force (NED) and torque (FRD) with bounds",
     needs: &[Channel::Imu, Channel::Attitude, Channel::Velocity, Channel::Actuators],
-    options: &["alpha_force", "alpha_torque", "gust_s"],
+    options: &["alpha_force", "alpha_torque", "gust_s", "gust_factor"],
     builder,
 };
 
@@ -72,6 +72,7 @@ pub struct Channels {
     fast: [Arc<SampledDesign>; 6],
     slow: [Arc<SampledDesign>; 6],
     hold_s: f64,
+    gust_factor: f64,
 }
 
 impl Channels {
@@ -116,6 +117,11 @@ impl Channels {
     pub(super) fn hold_s(&self) -> f64 {
         self.hold_s
     }
+
+    /// A breach of the rate bound is declared to be at most this many times as large as what shows of it so far.
+    pub(super) fn gust_factor(&self) -> f64 {
+        self.gust_factor
+    }
 }
 
 fn builder(vehicle: &Vehicle, options: &mut Options) -> Result<Box<dyn Observer>, BuildError> {
@@ -123,6 +129,7 @@ fn builder(vehicle: &Vehicle, options: &mut Options) -> Result<Box<dyn Observer>
     let alpha_force = options.number("alpha_force", 0.5, 20.0).map_err(option)?.unwrap_or(4.0);
     let alpha_torque = options.number("alpha_torque", 0.5, 20.0).map_err(option)?.unwrap_or(8.0);
     let hold_s = options.number("gust_s", 0.0, 10.0).map_err(option)?.unwrap_or(0.3);
+    let gust_factor = options.number("gust_factor", 1.0, 100.0).map_err(option)?.unwrap_or(4.0);
     let bounds = bounds_of(vehicle);
     let design = |nodes: &[f64], ceiling: f64| -> Result<Vec<Arc<SampledDesign>>, BuildError> {
         let mut made: Vec<Arc<SampledDesign>> = Vec::with_capacity(6);
@@ -153,6 +160,7 @@ fn builder(vehicle: &Vehicle, options: &mut Options) -> Result<Box<dyn Observer>
         slow: six(design(&SLOW_DT_S, 2.0)?),
         bounds,
         hold_s,
+        gust_factor,
     };
     Ok(Box::new(WrenchObserver::new(vehicle, channels)))
 }

@@ -38,8 +38,9 @@ const SIGNALS: [Signal; 6] = [
 /// does not explain, model error included. While the data agree with the assumptions, the ellipsoid's projection is
 /// intersected with what the accelerometer alone admits: the interval of forces that fit every sample so far, widened
 /// by the declared rate from one to the next. When an output leaves its admissible set or that interval empties, the
-/// verdict is `AssumptionViolated`; the bound is reopened from the envelope, held open for the time a gust front is
-/// declared to last, and decays again.
+/// verdict is `AssumptionViolated`; the bound is reopened, held open for the time a gust front is declared to last, and
+/// decays again. The force is reopened to `gust_factor` times what the accelerometer shows of the breach, within the
+/// envelope; the torque, which nothing shows directly, to the whole envelope.
 pub struct WrenchObserver {
     vehicle: Vehicle,
     channels: Channels,
@@ -51,6 +52,8 @@ pub struct WrenchObserver {
     outputs: [DVector<f64>; 6],
     /// For how much longer each family's bound is kept open, s: force, torque.
     hold_s: [f64; 2],
+    /// Half-widths to which the bounds of the axes were last reopened.
+    opening: [f64; 6],
     /// The forces that fit every accelerometer sample since the last reopening, NED, N.
     admitted: [Interval; 3],
     opened: bool,
@@ -95,6 +98,7 @@ impl WrenchObserver {
             quick_steps: 0,
             channels,
             hold_s: [0.0; 2],
+            opening: [f64::INFINITY; 6],
             admitted: [UNKNOWN; 3],
             opened: false,
             previous: None,
@@ -159,19 +163,20 @@ impl WrenchObserver {
             let x = filter.state_mut();
             x[1] = if y.len() > 1 { y[1] } else { 0.0 };
         }
+        self.opening = [f64::INFINITY; 6];
         self.open(Family::Force);
         self.open(Family::Torque);
         self.admitted = [UNKNOWN; 3];
         self.opened = true;
     }
 
-    /// Opens the bound of one family of axes: momentum is taken as measured, the disturbance as anything in the
-    /// declared envelope.
+    /// Opens the bound of one family of axes: momentum is taken as measured, the disturbance as within its opening and
+    /// the declared envelope.
     fn open(&mut self, family: Family) {
         for i in family.axes() {
             self.filters[i].state_mut()[0] = self.outputs[i][0];
-            let errors = self.channels.envelope_box(i, self.filters[i].state()[1]);
-            self.filters[i].open(&errors);
+            let [momentum, disturbance] = self.channels.envelope_box(i, self.filters[i].state()[1]);
+            self.filters[i].open(&[momentum, disturbance.min(self.opening[i])]);
         }
     }
 
@@ -193,6 +198,7 @@ impl WrenchObserver {
 
     fn correct(&mut self, frame: &Frame, dt_s: f64) -> f64 {
         let mut worst: [f64; 2] = [0.0; 2];
+        let mut shown = [f64::INFINITY; 6];
         for i in 0..6 {
             let force_noise = if i < 3 { self.force_noise(frame, i) } else { 0.0 };
             let family = Family::of(i) as usize;
@@ -202,6 +208,10 @@ impl WrenchObserver {
                 let allowed = filter.admissible(j, noise);
                 worst[family] = worst[family].max(filter.innovation(&self.outputs[i])[j].abs() / allowed);
             }
+            if i < 3 {
+                let factor = self.channels.gust_factor();
+                shown[i] = factor * (filter.innovation(&self.outputs[i])[1].abs() + force_noise);
+            }
             filter.update(&self.outputs[i], u32::MAX, dt_s);
         }
         worst[Family::Force as usize] = worst[Family::Force as usize].max(self.admit(frame, dt_s));
@@ -209,6 +219,10 @@ impl WrenchObserver {
             let k = family as usize;
             if worst[k] > 1.0 {
                 self.violations += 1;
+                for i in family.axes() {
+                    let kept = if self.hold_s[k] > 0.0 { self.opening[i] } else { 0.0 };
+                    self.opening[i] = shown[i].max(kept);
+                }
                 self.hold_s[k] = self.channels.hold_s();
                 if family == Family::Force {
                     self.admitted = [UNKNOWN; 3];
