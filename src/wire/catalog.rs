@@ -108,4 +108,18 @@ mod tests {
         // COMMAND_ACK's target is an extension field.
         assert_eq!(message_info(77).unwrap().target_system, Some(8));
     }
+
+    /// Where two dialects define the same id, it does not matter which one answers.
+    #[test]
+    fn the_dialects_agree() {
+        for id in 0..1 << ID_BITS {
+            let first = describe::<ardupilotmega::MavMessage>(id);
+            let second = describe::<development::MavMessage>(id);
+            if let (Some(first), Some(second)) = (first, second) {
+                assert_eq!(first, second);
+            }
+            let ours = describe::<mavobserver::MavMessage>(id);
+            assert!(ours.is_none() || (first.is_none() && second.is_none()), "{id} is taken");
+        }
+    }
 }

@@ -165,8 +165,7 @@ impl FrameBuf {
         Self { bytes, len: len as u16, version, check: Check::Verified }
     }
 
-    // `AsRef` cannot express it: the view is a value that borrows, not a reference.
-    #[allow(clippy::should_implement_trait)]
+    /// A view of it. (`AsRef` cannot express one: it is a value that borrows, not a reference.)
     pub fn as_ref(&self) -> FrameRef<'_> {
         FrameRef::new(self.bytes(), self.version, self.check)
     }
