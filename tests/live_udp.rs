@@ -330,12 +330,7 @@ async fn missing_logs_and_hosts_are_errors_at_the_start() {
 async fn an_estimator_that_hangs_is_named_and_left_behind() {
     struct Stuck;
     impl mavobserver::daemon::Estimator for Stuck {
-        fn frame(
-            &mut self,
-            _: wire::FrameRef<'_>,
-            _: u64,
-            _: &mut dyn FnMut(mavobserver::pipeline::Event<'_>),
-        ) {
+        fn frame(&mut self, _: wire::FrameRef<'_>, _: u64, _: &mut dyn FnMut(mavobserver::pipeline::Event<'_>)) {
             std::thread::sleep(Duration::from_secs(5));
         }
         fn forget(&mut self, _: VehicleId) {}
@@ -355,4 +350,99 @@ async fn an_estimator_that_hangs_is_named_and_left_behind() {
     let summary = running.await.expect("no panic").expect("ran");
     assert_eq!(summary.stragglers, ["the estimator"]);
     assert!(begin.elapsed() < SECONDS_2);
+}
+
+/// The flight of a simulated ArduCopter through the whole program, live, against the same observers offline on what the
+/// daemon recorded: every number the same to the last bit that leaves.
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn live_estimates_equal_those_of_the_recording() {
+    use mavobserver::outputs::Rate;
+    use mavobserver::pipeline::{Event, Fleet, FleetSettings};
+    use std::sync::Arc;
+
+    const FRAMES: usize = 40_000;
+    /// Frames on their way at most, so that no socket overflows.
+    const WINDOW: usize = 40;
+
+    let Some(log) = flight("sitl/wind_dev.tlog") else { return };
+    let frames: Vec<_> = read_log(&log).into_iter().take(FRAMES).map(|(_, frame)| frame).collect();
+    let vehicle = Arc::new(mavobserver::vehicle::resolve("arducopter-sitl").expect("a preset"));
+    let fleet = || Fleet::new(FleetSettings::standard(Arc::clone(&vehicle))).expect("a design");
+
+    let directory = tempfile::tempdir().expect("a directory");
+    let mut station_link = silent(any_port());
+    station_link.output.rates.wrench_estimate = Rate::EVERY;
+    station_link.output.rates.wind_estimate = Rate::EVERY;
+    let mut settings = Settings::new(vec![silent(any_port()), station_link]);
+    settings.record = Some(directory.path().to_owned());
+    settings.stop_within = Duration::from_secs(60);
+    let daemon = Running::start(settings, fleet()).await;
+    let station = Peer::new(Some(daemon.address(1))).await;
+    station.send(Encoder::new(255, 190).encode(&HEARTBEAT_DATA::DEFAULT).bytes()).await;
+    tokio::time::sleep(Duration::from_millis(100)).await;
+
+    let passed = Arc::new(tokio::sync::Semaphore::new(WINDOW));
+    let player = tokio::spawn({
+        let (passed, to, frames) = (Arc::clone(&passed), daemon.address(0), frames.clone());
+        async move {
+            let vehicle = Peer::new(Some(to)).await;
+            for (k, frame) in frames.iter().enumerate() {
+                passed.acquire().await.expect("open").forget();
+                vehicle.send(frame.bytes()).await;
+                if k % WINDOW == 0 {
+                    // nor the estimator's queue, in a build without optimisation
+                    tokio::time::sleep(Duration::from_millis(8)).await;
+                }
+            }
+        }
+    });
+    let (mut bridged, mut wrenches, mut winds) = (0, Vec::new(), Vec::new());
+    while let Some(datagram) = station.receive().await {
+        let frame = frame_of(&datagram);
+        if let Some(wrench) = decode::<WRENCH_ESTIMATE_DATA>(frame.as_ref()) {
+            wrenches.push(wrench);
+        } else if let Some(wind) = decode::<WIND_ESTIMATE_DATA>(frame.as_ref()) {
+            winds.push(wind);
+        } else {
+            assert_eq!(datagram, frames[bridged].bytes(), "frame {bridged} arrives in order and untouched");
+            bridged += 1;
+            passed.add_permits(1);
+        }
+    }
+    player.await.expect("no panic");
+    let summary = daemon.stop().await;
+    assert_eq!(bridged, frames.len());
+    assert_eq!((summary.status.estimator_missed, summary.status.recording.map(|r| r.missed)), (0, Some(0)));
+
+    let recording = std::fs::read_dir(directory.path()).expect("made").map(|f| f.expect("read").path());
+    let recording: Vec<_> = recording.filter(|f| !f.to_string_lossy().contains(".sent.")).collect();
+    let (mut forces, mut speeds) = (BTreeMap::new(), BTreeMap::new());
+    let mut offline = fleet();
+    for (at, frame) in read_log(&recording[0]) {
+        offline.frame(frame.as_ref(), at, &mut |event| {
+            if let Event::Snapshot(snapshot, _) = event {
+                let boot_us = (snapshot.stamp.nanos() / 1_000) as u64;
+                snapshot.wrench.map(|w| forces.insert(boot_us, w));
+                snapshot.wind.map(|w| speeds.insert(boot_us, w));
+            }
+        });
+    }
+    let floats = |v: nalgebra::Vector3<f64>| [v.x as f32, v.y as f32, v.z as f32];
+    for live in &wrenches {
+        let offline = &forces[&live.time_boot_us];
+        assert_eq!(live.force_ned, floats(offline.force_ned_n));
+        assert_eq!(live.torque_frd, floats(offline.torque_frd_nm));
+        for (live, offline) in live.force_half_width.iter().zip(offline.force_half_width_n.iter()) {
+            // rounded up, by no more than the rounding of value and width
+            let excess = f64::from(*live) - offline;
+            assert!(
+                live.is_infinite() == offline.is_infinite() && (live.is_infinite() || (0.0..1e-5).contains(&excess))
+            );
+        }
+    }
+    for live in &winds {
+        assert_eq!(live.wind_ned, floats(speeds[&live.time_boot_us].velocity_ned_mps));
+    }
+    eprintln!("{} wrenches and {} winds are equal", wrenches.len(), winds.len());
+    assert!(wrenches.len() > 1_000 && winds.len() > 1_000, "{} and {}", wrenches.len(), winds.len());
 }

@@ -53,7 +53,8 @@ pub fn run(args: RunArgs) -> Result<(), Failure> {
     args.links.into_iter().for_each(|url| config.add_link(url));
     if config.links.is_empty() {
         return Err(Failure::Usage(
-            "no link: give one with --link, such as --link udpin:0.0.0.0:14550, or with [[link]] in a config".to_owned(),
+            "no link: give one with --link, such as --link udpin:0.0.0.0:14550, or with [[link]] in a config"
+                .to_owned(),
         ));
     }
     config.record = args.record.or(config.record);

@@ -141,17 +141,15 @@ impl Dialogue {
                 target_component,
                 ..COMMAND_LONG_DATA::DEFAULT
             })),
-            Request::DataStream { stream_id, rate_hz } => {
-                MavDataStream::from_u8(stream_id).map(|req_stream_id| {
-                    Question::Stream(REQUEST_DATA_STREAM_DATA {
-                        req_message_rate: rate_hz,
-                        target_system,
-                        target_component,
-                        req_stream_id,
-                        start_stop: 1,
-                    })
+            Request::DataStream { stream_id, rate_hz } => MavDataStream::from_u8(stream_id).map(|req_stream_id| {
+                Question::Stream(REQUEST_DATA_STREAM_DATA {
+                    req_message_rate: rate_hz,
+                    target_system,
+                    target_component,
+                    req_stream_id,
+                    start_stop: 1,
                 })
-            }
+            }),
         });
         let time = self.time.poll(now.unix_ns());
         let time = time.map(|ts1| Question::Time(TIMESYNC_DATA { tc1: 0, ts1, target_system, target_component }));
@@ -248,7 +246,8 @@ mod tests {
     fn time_is_asked_and_a_reboot_starts_everything_anew() {
         let mut scene = Scene::new();
         let answer = |scene: &mut Scene, booted_ms: u64| {
-            let asked = scene.asked.iter().rev().find_map(|q| if let Question::Time(t) = q { Some(t.ts1) } else { None });
+            let asked =
+                scene.asked.iter().rev().find_map(|q| if let Question::Time(t) = q { Some(t.ts1) } else { None });
             let tc1 = ((scene.ms - booted_ms) * 1_000_000) as i64;
             scene.says(&TIMESYNC_DATA { tc1, ts1: asked.expect("asked"), ..TIMESYNC_DATA::DEFAULT });
         };

@@ -136,8 +136,7 @@ impl<E: Estimator> Worker<E> {
     fn converse(&mut self, index: usize, frame: FrameRef<'_>, work: &Work) {
         let Some(needs) = &self.requests else { return };
         let Vehicle { id, dialogue } = &mut self.vehicles[index];
-        let dialogue =
-            dialogue.get_or_insert_with(|| Dialogue::new(*id, self.component, needs.clone(), work.origin));
+        let dialogue = dialogue.get_or_insert_with(|| Dialogue::new(*id, self.component, needs.clone(), work.origin));
         let now = Now { unix_us: work.received_us, steady_ms: self.steady.ms() };
         dialogue.heard(frame, work.origin, now);
         self.board.clock(*id, dialogue.clock_offset());

@@ -229,7 +229,8 @@ mod tests {
     }
 
     fn logs_in(directory: &Path) -> Vec<PathBuf> {
-        let mut logs: Vec<_> = fs::read_dir(directory).expect("is there").map(|e| e.expect("readable").path()).collect();
+        let mut logs: Vec<_> =
+            fs::read_dir(directory).expect("is there").map(|e| e.expect("readable").path()).collect();
         logs.sort();
         logs
     }

@@ -59,7 +59,8 @@ impl Daemon {
                 LinkUrl::Tlog { path, pace } => Bound::Log(LogLink::open(name, path, *pace)?),
             });
         }
-        let recorder = settings.record.as_deref().map(|directory| Recorder::create(directory, unix_us())).transpose()?;
+        let recorder =
+            settings.record.as_deref().map(|directory| Recorder::create(directory, unix_us())).transpose()?;
         Ok(Self { settings, links, recorder })
     }
 
@@ -191,10 +192,7 @@ impl Stage {
             // nobody listens after the deadline
             let _ = sender.send(());
         };
-        thread::Builder::new()
-            .name(name.into())
-            .spawn(run)
-            .map_err(|source| DaemonError::Thread { name, source })?;
+        thread::Builder::new().name(name.into()).spawn(run).map_err(|source| DaemonError::Thread { name, source })?;
         Ok(Self { name, done })
     }
 

@@ -152,9 +152,7 @@ pub(super) fn bound_arrays(snapshot: &Snapshot<'_>) -> Option<[DEBUG_FLOAT_ARRAY
         *high = known_f32(up(value + half_width));
         any = true;
     }
-    any.then(|| {
-        [float_array(2, "BOUND_LO", lower, snapshot.stamp), float_array(3, "BOUND_HI", upper, snapshot.stamp)]
-    })
+    any.then(|| [float_array(2, "BOUND_LO", lower, snapshot.stamp), float_array(3, "BOUND_HI", upper, snapshot.stamp)])
 }
 
 fn float_array(array_id: u16, name: &str, data: [f32; ARRAY], stamp: Stamp) -> DEBUG_FLOAT_ARRAY_DATA {

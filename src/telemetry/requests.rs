@@ -122,7 +122,9 @@ impl fmt::Display for Notice {
                 write!(f, "{channel} arrives at {measured_hz:.1} Hz, {wanted_hz:.0} Hz are wanted: ")?;
                 f.write_str(match cause {
                     Cause::Refused => "the autopilot refused the request",
-                    Cause::Unanswered => "the autopilot does not answer requests (does the link carry both directions?)",
+                    Cause::Unanswered => {
+                        "the autopilot does not answer requests (does the link carry both directions?)"
+                    }
                     Cause::Silent => "the autopilot granted the request but sends nothing",
                     Cause::Slow => "the autopilot or the link gives no more",
                 })
@@ -193,10 +195,18 @@ fn carriers(autopilot: Autopilot, subject: Subject) -> &'static [Carrier] {
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Asked {
     /// Not yet, or not since it was given up; `attempts` went without an answer.
-    No { attempts: u32, not_before_ms: u64 },
+    No {
+        attempts: u32,
+        not_before_ms: u64,
+    },
     /// The one open command.
-    Open { since_ms: u64, attempt: u32 },
-    Granted { at_ms: u64 },
+    Open {
+        since_ms: u64,
+        attempt: u32,
+    },
+    Granted {
+        at_ms: u64,
+    },
     Refused,
     Unanswered,
 }
@@ -363,8 +373,7 @@ impl StreamRequester {
             return None;
         }
         let open = self.expire_open(now_ms);
-        let may_send =
-            !open && self.last_command_ms.is_none_or(|last| now_ms.saturating_sub(last) >= COMMAND_GAP_MS);
+        let may_send = !open && self.last_command_ms.is_none_or(|last| now_ms.saturating_sub(last) >= COMMAND_GAP_MS);
         let mut request = None;
         for index in 0..self.wants.len() {
             let wish = self.judge(index, now_ms, notice);

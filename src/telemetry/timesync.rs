@@ -165,7 +165,8 @@ mod tests {
         let mut now = 50_000 * MS;
         for _ in 0..200 {
             // a radio link: 5 ms each way at best, often queued for much longer on the way back
-            let back = 5 * MS + if rng.random_bool(0.6) { rng.random_range(0..200 * MS) } else { rng.random_range(0..MS) };
+            let back =
+                5 * MS + if rng.random_bool(0.6) { rng.random_range(0..200 * MS) } else { rng.random_range(0..MS) };
             vehicle.exchange(&mut client, now, 5 * MS + rng.random_range(0..MS / 2), back);
             now += 1_000 * MS;
         }

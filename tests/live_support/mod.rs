@@ -8,7 +8,10 @@ use mavobserver::pipeline::{
     Event, FaultMask, Reports, Snapshot, VehicleId, VehicleKind, WindEstimate, WrenchEstimate,
 };
 use mavobserver::signal::{Guarantee, Imu, Measurement, Stamp, Verdict};
-use mavobserver::wire::dialect::ardupilotmega::{ATTITUDE_DATA, HEARTBEAT_DATA, MavAutopilot, MavType};
+use mavobserver::wire::dialect::ardupilotmega::{
+    ATTITUDE_DATA, ATTITUDE_QUATERNION_DATA, HEARTBEAT_DATA, HIGHRES_IMU_DATA, LOCAL_POSITION_NED_DATA, MavAutopilot,
+    MavModeFlag, MavType, SERVO_OUTPUT_RAW_DATA,
+};
 use mavobserver::wire::{self, Encoder, FrameBuf, FrameRef, decode};
 use nalgebra::Vector3;
 use std::collections::BTreeSet;
@@ -238,5 +241,39 @@ pub fn attitude(k: u32) -> ATTITUDE_DATA {
 pub fn flight_of(encoder: &mut Encoder, count: u32) -> Vec<FrameBuf> {
     let mut frames = vec![encoder.encode(&heartbeat())];
     frames.extend((0..count).map(|k| encoder.encode(&attitude(k))));
+    frames
+}
+
+/// Step `k` (20 ms) of a vehicle like the preset `arducopter-sitl` that hovers in still air.
+pub fn hover_step(encoder: &mut Encoder, k: u32) -> Vec<FrameBuf> {
+    let time_boot_ms = 60_000 + 20 * k;
+    let time_usec = 1_000 * u64::from(time_boot_ms);
+    let armed = HEARTBEAT_DATA { base_mode: MavModeFlag::MAV_MODE_FLAG_SAFETY_ARMED, ..heartbeat() };
+    // hover needs 39 % of full thrust: 0.35 c + 0.65 c² = 0.39 at c = 0.551 of 1150..1950 µs
+    let pulse = 1591;
+    let servos = SERVO_OUTPUT_RAW_DATA {
+        time_usec: time_usec as u32,
+        servo1_raw: pulse,
+        servo2_raw: pulse,
+        servo3_raw: pulse,
+        servo4_raw: pulse,
+        ..SERVO_OUTPUT_RAW_DATA::DEFAULT
+    };
+    let mut frames = Vec::new();
+    if k % 50 == 0 {
+        frames.push(encoder.encode(&armed));
+    }
+    frames.push(encoder.encode(&servos));
+    frames.push(encoder.encode(&LOCAL_POSITION_NED_DATA {
+        time_boot_ms,
+        z: -20.0,
+        ..LOCAL_POSITION_NED_DATA::DEFAULT
+    }));
+    frames.push(encoder.encode(&ATTITUDE_QUATERNION_DATA {
+        time_boot_ms,
+        q1: 1.0,
+        ..ATTITUDE_QUATERNION_DATA::DEFAULT
+    }));
+    frames.push(encoder.encode(&HIGHRES_IMU_DATA { time_usec, zacc: -9.806_65, ..HIGHRES_IMU_DATA::DEFAULT }));
     frames
 }

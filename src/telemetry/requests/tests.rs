@@ -97,7 +97,8 @@ impl Scene {
     }
 
     fn asked_for(&self) -> Vec<u32> {
-        let id = |r: &Request| if let Request::MessageInterval { message_id, .. } = r { Some(*message_id) } else { None };
+        let id =
+            |r: &Request| if let Request::MessageInterval { message_id, .. } = r { Some(*message_id) } else { None };
         self.requests.iter().filter_map(|(_, r)| id(r)).collect()
     }
 }
