@@ -8,6 +8,7 @@ mod config_args;
 mod logging;
 mod output;
 pub mod replay;
+pub mod run;
 
 pub use config_args::{ConfigArgs, VehicleArg};
 pub use output::print;
@@ -31,6 +32,7 @@ const EXIT_CODES: &str = "Exit codes: 0 done, 1 failed, 2 wrong usage or config.
 
 #[derive(Debug, Subcommand)]
 enum Command {
+    Run(run::RunArgs),
     Replay(replay::ReplayArgs),
     Check(check::CheckArgs),
 }
@@ -82,6 +84,7 @@ impl From<VehicleError> for Failure {
 pub fn run(cli: Cli) -> Result<(), Failure> {
     logging::start(cli.verbosity);
     match cli.command {
+        Command::Run(args) => run::run(args),
         Command::Replay(args) => replay::run(&args),
         Command::Check(args) => check::run(args),
     }

@@ -1,1 +1,54 @@
-//! (to come)
+//! Links, forwarding, the estimator's thread and the recorder: the only place with an async runtime, sockets, threads
+//! and clocks.
+//!
+//! In: a list of links and an [`Estimator`]. Out: every frame of a link on all others, untouched; estimates as MAVLink on
+//! every link; recordings; a status line for each link and vehicle. May import everything.
+//!
+//! ```text
+//!  link task ──frame──► Router ──────────────► every other link (and the other peers of the same UDP port)
+//!     │ └─────────────► Recorder (thread) ───► DIR/TIME.tlog
+//!     └───────────────► Estimator (thread) ──► LinkOutputs, one a link ─► Router
+//! ```
+//!
+//! # What happens when a queue is full
+//!
+//! | queue | length | when full |
+//! |---|---|---|
+//! | UDP socket, out | the kernel's buffer | the newest frame is dropped for that peer and counted |
+//! | link → estimator, live link | [`ESTIMATOR_QUEUE`] frames | the newest frame is dropped for the estimator and counted; it is still forwarded |
+//! | link → estimator, played log | the same | the log waits |
+//! | → recorder | [`RECORDER_QUEUE`] frames | a gap: the newest frame is not recorded and counted |
+//! | log reader → log link | [`READ_AHEAD`] frames | the reader waits |
+//!
+//! # Stopping
+//!
+//! In this order, under one deadline: links close, the estimator works off its queue and ends, the recorder writes what
+//! it has. Whatever is not done by then is named and left behind.
+
+mod clock;
+mod dialogue;
+mod error;
+mod estimator;
+mod inlet;
+mod peers;
+mod recorder;
+mod router;
+mod service;
+mod settings;
+mod status;
+mod tlog;
+mod udp;
+
+pub use error::DaemonError;
+pub use estimator::Estimator;
+pub use router::LinkId;
+pub use service::{Daemon, Summary};
+pub use settings::Settings;
+pub use status::{LinkStatus, RecordingStatus, Status, VehicleStatus};
+
+/// Frames that may wait for the estimator: a second of twenty vehicles.
+pub const ESTIMATOR_QUEUE: usize = 4096;
+/// Frames that may wait for the disk.
+pub const RECORDER_QUEUE: usize = 8192;
+/// Frames that are read from a log before they are due.
+pub const READ_AHEAD: usize = 256;

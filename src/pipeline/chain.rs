@@ -157,7 +157,7 @@ impl Chain {
 }
 
 /// The observers of a snapshot, without copying them.
-#[derive(Clone, Copy)]
+#[derive(Clone, Copy, Default)]
 pub struct Reports<'a>(pub(super) &'a [Slot]);
 
 impl<'a> Reports<'a> {

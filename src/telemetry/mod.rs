@@ -12,6 +12,8 @@ mod align;
 mod clock;
 mod decode;
 mod history;
+pub mod requests;
+pub mod timesync;
 
 pub use align::Aligner;
 pub use clock::{ClockEvent, VehicleClock};

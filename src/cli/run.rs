@@ -1,0 +1,145 @@
+//! `mavobserver run`: the daemon.
+
+use super::{ConfigArgs, Failure};
+use crate::config::{Config, LinkUrl};
+use crate::daemon::{Daemon, DaemonError, Settings};
+use crate::observers;
+use crate::pipeline::{Fleet, FleetSettings};
+use crate::telemetry::requests::Need;
+use crate::vehicle;
+use std::io;
+use std::path::PathBuf;
+use std::sync::Arc;
+use tokio_util::sync::CancellationToken;
+use tracing::{info, warn};
+
+/// Used where no model is given.
+const ASSUMED_MODEL: &str = "arducopter-sitl";
+
+/// Bridge links, estimate wrench and wind of every vehicle on them, and send the estimates back
+///
+/// Every frame of a link is forwarded, untouched, to the others; the estimates go to all of them, as component 191 of the
+/// vehicle's own system. Live vehicles are asked for the messages that the observers need. Stops at Ctrl-C or SIGTERM,
+/// or when all links were logs and have ended.
+#[derive(Debug, clap::Args)]
+#[command(after_help = "\
+Examples:
+  mavobserver run --link udpin:0.0.0.0:14550 --vehicle my-quad.toml
+  mavobserver run --link udpin:0.0.0.0:14540 --link udpout:192.168.1.20:14550 --vehicle px4-x500 --record logs
+  mavobserver run --link tlog:flight.tlog --link udpout:127.0.0.1:14550
+  mavobserver run -c flight.toml
+
+Exit codes: 0 stopped as asked, 1 a port or file cannot be opened, 2 wrong usage or config.")]
+pub struct RunArgs {
+    #[command(flatten)]
+    pub config: ConfigArgs,
+    /// udpin:HOST:PORT, udpout:HOST:PORT or tlog:FILE[?speed=N|max], beside those of the config; repeatable
+    #[arg(long = "link", value_name = "URL")]
+    pub links: Vec<LinkUrl>,
+    /// Record every received frame, and what was sent beside it, as .tlog files in this directory
+    #[arg(long, value_name = "DIR")]
+    pub record: Option<PathBuf>,
+    /// Ask the vehicles for nothing
+    #[arg(long)]
+    pub no_requests: bool,
+}
+
+/// Runs until stopped.
+pub fn run(args: RunArgs) -> Result<(), Failure> {
+    let (mut config, warnings) = args.config.load()?;
+    for warning in &warnings {
+        warn!("{warning}");
+    }
+    args.links.into_iter().for_each(|url| config.add_link(url));
+    if config.links.is_empty() {
+        return Err(Failure::Usage(
+            "no link: give one with --link, such as --link udpin:0.0.0.0:14550, or with [[link]] in a config"
+                .to_owned(),
+        ));
+    }
+    config.record = args.record.or(config.record);
+    config.requests.streams &= !args.no_requests;
+
+    let runtime = tokio::runtime::Builder::new_multi_thread()
+        .worker_threads(2)
+        .enable_all()
+        .build()
+        .map_err(|e| Failure::Failed(format!("cannot start the async runtime: {e}")))?;
+    let outcome = runtime.block_on(serve(config));
+    // a straggler must not keep the process alive
+    runtime.shutdown_background();
+    outcome
+}
+
+async fn serve(config: Config) -> Result<(), Failure> {
+    // what is quick to fail comes first: an occupied port is told before a design is computed
+    let daemon = Daemon::bind(settings(&config)?).await?;
+    let fleet = fleet(&config)?;
+    let fleet = Fleet::new(fleet).map_err(|e| Failure::Failed(e.to_string()))?;
+    let stop = CancellationToken::new();
+    stop_on_signals(stop.clone()).map_err(|e| Failure::Failed(format!("cannot listen for signals: {e}")))?;
+    info!(links = config.links.len(), "running; Ctrl-C stops");
+    let summary = daemon.run(fleet, stop).await?;
+    if summary.stragglers.is_empty() {
+        return Ok(());
+    }
+    Err(Failure::Failed(format!("stopped without waiting any longer for {}", summary.stragglers.join(", "))))
+}
+
+fn settings(config: &Config) -> Result<Settings, Failure> {
+    let mut settings = Settings::new(config.links.clone());
+    settings.record.clone_from(&config.record);
+    if config.requests.streams {
+        let mut needs = Vec::new();
+        for observer in &config.observers {
+            let registration = observers::find(&observer.name).map_err(|e| Failure::Usage(e.to_string()))?;
+            needs.extend(registration.needs.iter().map(|&channel| {
+                let usual = Need::at_default_rate(channel);
+                let fast = usual.rate_hz == Need::FAST_HZ;
+                if fast { Need { rate_hz: config.requests.rate_hz, ..usual } } else { usual }
+            }));
+        }
+        settings.requests = Some(needs);
+    }
+    Ok(settings)
+}
+
+fn fleet(config: &Config) -> Result<FleetSettings, Failure> {
+    if let Some(fleet) = config.fleet() {
+        return Ok(fleet);
+    }
+    warn!("no vehicle model: assuming {ASSUMED_MODEL}, which is right for that simulator alone; see --vehicle");
+    let model = vehicle::resolve(ASSUMED_MODEL)?;
+    Ok(FleetSettings {
+        vehicle: Arc::new(model),
+        by_system: config.vehicles.by_system.clone(),
+        observers: config.observers.clone(),
+    })
+}
+
+/// Cancels `stop` at the first SIGINT (Ctrl-C) or SIGTERM.
+fn stop_on_signals(stop: CancellationToken) -> io::Result<()> {
+    #[cfg(unix)]
+    let mut terminate = tokio::signal::unix::signal(tokio::signal::unix::SignalKind::terminate())?;
+    #[cfg(unix)]
+    let mut interrupt = tokio::signal::unix::signal(tokio::signal::unix::SignalKind::interrupt())?;
+    tokio::spawn(async move {
+        #[cfg(unix)]
+        tokio::select! {
+            _ = terminate.recv() => info!("SIGTERM: stopping"),
+            _ = interrupt.recv() => info!("interrupted: stopping"),
+        }
+        #[cfg(not(unix))]
+        if tokio::signal::ctrl_c().await.is_err() {
+            return;
+        }
+        stop.cancel();
+    });
+    Ok(())
+}
+
+impl From<DaemonError> for Failure {
+    fn from(e: DaemonError) -> Self {
+        Self::Failed(e.to_string())
+    }
+}

@@ -1,0 +1,229 @@
+//! The thread on which observers run, and what becomes of their answers.
+
+use super::clock::{Steady, unix_us};
+use super::dialogue::{Dialogue, Now, Question};
+use super::recorder::{RecorderHandle, Track};
+use super::router::{LinkId, Origin, Router};
+use super::status::Board;
+use crate::outputs::{LinkOutputs, OutputSettings};
+use crate::pipeline::{Event, Fleet, Severity, Snapshot, VehicleId};
+use crate::telemetry::requests::Need;
+use crate::wire::{FrameBuf, FrameRef};
+use std::collections::BTreeMap;
+use std::panic::{AssertUnwindSafe, catch_unwind};
+use std::sync::Arc;
+use tokio::sync::mpsc;
+use tracing::{error, info, warn};
+
+/// After this many panics a vehicle is no longer estimated.
+const MOST_PANICS: u8 = 3;
+
+/// Turns frames into estimates, for all vehicles. Knows no I/O and no clock.
+pub trait Estimator: Send + 'static {
+    /// Takes in one frame of any system; tells `sink` what follows from it.
+    fn frame(&mut self, frame: FrameRef<'_>, received_unix_us: u64, sink: &mut dyn FnMut(Event<'_>));
+
+    /// Drops all state of a vehicle, which is met anew with its next heartbeat.
+    fn forget(&mut self, vehicle: VehicleId);
+}
+
+impl Estimator for Fleet {
+    fn frame(&mut self, frame: FrameRef<'_>, received_unix_us: u64, sink: &mut dyn FnMut(Event<'_>)) {
+        Fleet::frame(self, frame, received_unix_us, sink);
+    }
+
+    fn forget(&mut self, vehicle: VehicleId) {
+        Fleet::forget(self, vehicle);
+    }
+}
+
+/// A frame for the estimator.
+#[derive(Debug)]
+pub(super) struct Work {
+    pub(super) frame: FrameBuf,
+    pub(super) origin: Origin,
+    pub(super) received_us: u64,
+    /// The sender can be asked for something.
+    pub(super) live: bool,
+}
+
+/// Everything that runs on the estimator's thread.
+pub(super) struct Worker<E> {
+    estimator: E,
+    voice: Voice,
+    vehicles: Vec<Vehicle>,
+    requests: Option<Vec<Need>>,
+    component: u8,
+    board: Arc<Board>,
+    steady: Steady,
+    /// How often each vehicle's observers panicked; most never do.
+    panics: BTreeMap<VehicleId, u8>,
+}
+
+struct Vehicle {
+    id: VehicleId,
+    dialogue: Option<Dialogue>,
+}
+
+impl<E: Estimator> Worker<E> {
+    pub(super) fn new(estimator: E, voice: Voice, requests: Option<Vec<Need>>, board: Arc<Board>) -> Self {
+        Self {
+            estimator,
+            component: voice.component(),
+            voice,
+            vehicles: Vec::new(),
+            requests,
+            board,
+            steady: Steady::start(),
+            panics: BTreeMap::new(),
+        }
+    }
+
+    /// Works until every link is closed and the queue is empty.
+    pub(super) fn run(mut self, mut queue: mpsc::Receiver<Work>) {
+        while let Some(work) = queue.blocking_recv() {
+            self.take(&work);
+        }
+    }
+
+    fn take(&mut self, work: &Work) {
+        let frame = work.frame.as_ref();
+        let id = VehicleId { system: frame.system_id(), component: frame.component_id() };
+        // our own messages come back where two links lead to one network
+        if id.component == self.component || self.panics.get(&id).is_some_and(|&count| count >= MOST_PANICS) {
+            return;
+        }
+        // A panic leaves the vehicle's own state half-changed, and that is dropped below. The others are not touched
+        // by this frame; outputs and vehicles are plain data that any later frame overwrites.
+        let outcome = catch_unwind(AssertUnwindSafe(|| self.estimate(id, frame, work)));
+        if outcome.is_err() {
+            self.panicked(id);
+        }
+    }
+
+    fn estimate(&mut self, id: VehicleId, frame: FrameRef<'_>, work: &Work) {
+        let (voice, board, vehicles) = (&mut self.voice, &self.board, &mut self.vehicles);
+        self.estimator.frame(frame, work.received_us, &mut |event| match event {
+            Event::NewVehicle { vehicle, kind } => {
+                info!(%vehicle, autopilot = kind.autopilot, r#type = kind.mav_type, "new vehicle");
+                if kind.is_multirotor() {
+                    vehicles.push(Vehicle { id: vehicle, dialogue: None });
+                    let text = concat!("mavobserver ", env!("CARGO_PKG_VERSION"), " observes this vehicle");
+                    voice.text(vehicle, Severity::Info, text, work.received_us);
+                }
+            }
+            Event::Snapshot(snapshot, _) => {
+                board.snapshot(snapshot);
+                voice.snapshot(snapshot);
+            }
+            Event::Notice { vehicle, severity, text } => {
+                match severity {
+                    Severity::Warning => warn!(%vehicle, "{text}"),
+                    Severity::Notice | Severity::Info => info!(%vehicle, "{text}"),
+                }
+                voice.text(vehicle, severity, text, work.received_us);
+            }
+        });
+        if let Some(index) = self.vehicles.iter().position(|v| v.id == id) {
+            self.voice.heard(id, work.received_us);
+            if work.live {
+                self.converse(index, frame, work);
+            }
+        }
+    }
+
+    /// Stream requests and time questions for the live vehicle that sent `frame`.
+    fn converse(&mut self, index: usize, frame: FrameRef<'_>, work: &Work) {
+        let Some(needs) = &self.requests else { return };
+        let Vehicle { id, dialogue } = &mut self.vehicles[index];
+        let dialogue = dialogue.get_or_insert_with(|| Dialogue::new(*id, self.component, needs.clone(), work.origin));
+        let now = Now { unix_us: work.received_us, steady_ms: self.steady.ms() };
+        dialogue.heard(frame, work.origin, now);
+        self.board.clock(*id, dialogue.clock_offset());
+        // a question's time is when it leaves, not when the frame before it came
+        let now = Now { unix_us: unix_us(), ..now };
+        let questions = dialogue.poll(now, &mut |notice| warn!(vehicle = %id, "{notice}"));
+        for question in questions.into_iter().flatten() {
+            self.voice.ask(*id, &question, work.origin);
+        }
+    }
+
+    fn panicked(&mut self, vehicle: VehicleId) {
+        let count = self.panics.entry(vehicle).or_default();
+        *count = count.saturating_add(1);
+        self.estimator.forget(vehicle);
+        self.vehicles.retain(|v| v.id != vehicle);
+        self.board.panicked(vehicle);
+        if *count < MOST_PANICS {
+            error!(%vehicle, "its observers failed and start anew; other vehicles are not affected");
+        } else {
+            error!(%vehicle, "its observers failed {MOST_PANICS} times: it is no longer estimated");
+        }
+    }
+}
+
+/// Our messages to every link and to the recorder, each with its own rates and numbering.
+#[derive(Debug)]
+pub(super) struct Voice {
+    router: Arc<Router>,
+    links: Vec<(LinkId, LinkOutputs)>,
+    recorder: Option<(RecorderHandle, LinkOutputs)>,
+    component: u8,
+}
+
+impl Voice {
+    pub(super) fn new(
+        router: Arc<Router>,
+        links: Vec<(LinkId, OutputSettings)>,
+        recorder: Option<RecorderHandle>,
+    ) -> Self {
+        // the record holds what a link with the usual rates is told, also when there is no such link
+        let settings = links.first().map_or_else(OutputSettings::default, |(_, settings)| *settings);
+        Self {
+            router,
+            component: settings.component,
+            links: links.into_iter().map(|(id, settings)| (id, LinkOutputs::new(settings))).collect(),
+            recorder: recorder.map(|handle| (handle, LinkOutputs::new(settings))),
+        }
+    }
+
+    pub(super) fn component(&self) -> u8 {
+        self.component
+    }
+
+    fn snapshot(&mut self, snapshot: &Snapshot<'_>) {
+        self.each(snapshot.received_unix_us, |outputs, send| outputs.snapshot(snapshot, send));
+    }
+
+    fn heard(&mut self, vehicle: VehicleId, now_us: u64) {
+        self.each(now_us, |outputs, send| outputs.heard(vehicle, now_us, send));
+    }
+
+    fn text(&mut self, vehicle: VehicleId, severity: Severity, text: &str, now_us: u64) {
+        self.each(now_us, |outputs, send| outputs.text(vehicle, severity, text, send));
+    }
+
+    fn each(&mut self, now_us: u64, mut speak: impl FnMut(&mut LinkOutputs, &mut dyn FnMut(FrameRef<'_>))) {
+        for (id, outputs) in &mut self.links {
+            speak(outputs, &mut |frame| self.router.send(frame, *id));
+        }
+        if let Some((recorder, outputs)) = &mut self.recorder {
+            speak(outputs, &mut |frame| recorder.record(Track::Sent, now_us, frame));
+        }
+    }
+
+    /// Sends a question to where the vehicle was heard.
+    fn ask(&mut self, vehicle: VehicleId, question: &Question, to: Origin) {
+        let say = |outputs: &mut LinkOutputs, send: &mut dyn FnMut(FrameRef<'_>)| match question {
+            Question::Command(message) => outputs.message(vehicle.system, message, send),
+            Question::Stream(message) => outputs.message(vehicle.system, message, send),
+            Question::Time(message) => outputs.message(vehicle.system, message, send),
+        };
+        if let Some((_, outputs)) = self.links.iter_mut().find(|(id, _)| *id == to.link) {
+            say(outputs, &mut |frame| self.router.answer(frame, to));
+        }
+        if let Some((recorder, outputs)) = &mut self.recorder {
+            say(outputs, &mut |frame| recorder.record(Track::Sent, unix_us(), frame));
+        }
+    }
+}

@@ -1,0 +1,31 @@
+use crate::config::Link;
+use crate::telemetry::requests::Need;
+use std::path::PathBuf;
+use std::time::Duration;
+
+/// What a [`Daemon`](super::Daemon) is to do.
+#[derive(Debug, Clone)]
+pub struct Settings {
+    pub links: Vec<Link>,
+    /// What live vehicles are asked for; `None` asks for nothing, not even the time.
+    pub requests: Option<Vec<Need>>,
+    /// Where recordings go; `None` records nothing.
+    pub record: Option<PathBuf>,
+    /// How long the parts may take to stop.
+    pub stop_within: Duration,
+    /// Time between two rounds of status lines.
+    pub status_every: Duration,
+}
+
+impl Settings {
+    /// These links, with everything else as usual: nothing is asked for and nothing recorded.
+    pub fn new(links: Vec<Link>) -> Self {
+        Self {
+            links,
+            requests: None,
+            record: None,
+            stop_within: Duration::from_secs(5),
+            status_every: Duration::from_secs(10),
+        }
+    }
+}

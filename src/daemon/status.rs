@@ -1,0 +1,294 @@
+//! Numbers that say how the daemon is doing, and the lines that show them.
+
+use super::recorder::RecorderState;
+use super::router::{LinkId, Outlet};
+use crate::pipeline::{Snapshot, VehicleId, WindEstimate, WrenchEstimate};
+use crate::signal::Verdict;
+use crate::telemetry::timesync::ClockOffset;
+use crate::wire::Event;
+use crate::wire::stats::LinkStats;
+use std::collections::BTreeMap;
+use std::fmt::{self, Write};
+use std::sync::atomic::{AtomicU64, Ordering};
+use std::sync::{Arc, Mutex, MutexGuard, OnceLock, PoisonError};
+use std::time::Instant;
+use tracing::info;
+
+/// What a link sent and what it could not take. Only ever counts up.
+#[derive(Debug, Default)]
+pub(super) struct Traffic {
+    frames_out: AtomicU64,
+    bytes_out: AtomicU64,
+    dropped_out: AtomicU64,
+    strangers: AtomicU64,
+}
+
+impl Traffic {
+    pub(super) fn sent(&self, bytes: usize) {
+        self.frames_out.fetch_add(1, Ordering::Relaxed);
+        self.bytes_out.fetch_add(bytes as u64, Ordering::Relaxed);
+    }
+
+    pub(super) fn dropped(&self) {
+        self.dropped_out.fetch_add(1, Ordering::Relaxed);
+    }
+
+    /// A datagram of somebody who is not served.
+    pub(super) fn stranger(&self) {
+        self.strangers.fetch_add(1, Ordering::Relaxed);
+    }
+}
+
+/// What is known about each link and vehicle; every part of the daemon writes its share.
+#[derive(Debug)]
+pub(super) struct Board {
+    links: Vec<LinkBoard>,
+    vehicles: Mutex<BTreeMap<VehicleId, VehicleStatus>>,
+    estimator_missed: AtomicU64,
+    recorder: OnceLock<Arc<RecorderState>>,
+}
+
+#[derive(Debug)]
+struct LinkBoard {
+    name: String,
+    outlet: Outlet,
+    received: Mutex<LinkStats>,
+}
+
+/// One link so far.
+#[derive(Debug, Clone, PartialEq)]
+pub struct LinkStatus {
+    pub name: String,
+    pub peers: usize,
+    pub frames_in: u64,
+    pub bytes_in: u64,
+    /// Stretches of bytes that are no frame.
+    pub bad_in: u64,
+    /// Frames that never came, by the senders' sequence numbers.
+    pub lost_in: u64,
+    pub frames_out: u64,
+    pub bytes_out: u64,
+    /// Frames that the socket did not take.
+    pub dropped_out: u64,
+    /// Datagrams of senders that are not served.
+    pub strangers: u64,
+}
+
+/// One vehicle, as last estimated.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct VehicleStatus {
+    pub snapshots: u64,
+    pub verdict: Verdict,
+    pub wrench: Option<WrenchEstimate>,
+    pub wind: Option<WindEstimate>,
+    pub clock: Option<ClockOffset>,
+}
+
+/// Everything at one moment.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Status {
+    pub links: Vec<LinkStatus>,
+    pub vehicles: BTreeMap<VehicleId, VehicleStatus>,
+    /// Frames that came while the estimator's queue was full.
+    pub estimator_missed: u64,
+    pub recording: Option<RecordingStatus>,
+}
+
+/// The recording so far.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct RecordingStatus {
+    pub frames: u64,
+    /// Frames that the disk was too slow for, or that came after it failed.
+    pub missed: u64,
+    /// The disk failed.
+    pub stopped: bool,
+}
+
+impl Board {
+    /// A board for links with these names.
+    pub(super) fn new(names: Vec<String>, outlets: Vec<Outlet>) -> Self {
+        let links = names.into_iter().zip(outlets);
+        Self {
+            links: links.map(|(name, outlet)| LinkBoard { name, outlet, received: Mutex::default() }).collect(),
+            vehicles: Mutex::default(),
+            estimator_missed: AtomicU64::new(0),
+            recorder: OnceLock::new(),
+        }
+    }
+
+    pub(super) fn recording(&self, state: Arc<RecorderState>) {
+        // there is one recorder; a second call would change nothing
+        let _ = self.recorder.set(state);
+    }
+
+    /// Everything as it is now.
+    pub(super) fn status(&self) -> Status {
+        Status {
+            links: self.links.iter().map(LinkBoard::status).collect(),
+            vehicles: lock(&self.vehicles).clone(),
+            estimator_missed: self.estimator_missed.load(Ordering::Relaxed),
+            recording: self.recorder.get().map(|recorder| RecordingStatus {
+                frames: recorder.written(),
+                missed: recorder.missed(),
+                stopped: recorder.stopped(),
+            }),
+        }
+    }
+
+    pub(super) fn received(&self, link: LinkId, event: &Event<'_>, now_us: u64) {
+        if let Some(link) = self.links.get(link.0) {
+            lock(&link.received).event(now_us, event);
+        }
+    }
+
+    pub(super) fn estimator_missed(&self) {
+        self.estimator_missed.fetch_add(1, Ordering::Relaxed);
+    }
+
+    pub(super) fn snapshot(&self, snapshot: &Snapshot<'_>) {
+        let mut vehicles = lock(&self.vehicles);
+        let known = vehicles.entry(snapshot.vehicle);
+        let status = known.or_insert(VehicleStatus {
+            snapshots: 0,
+            verdict: snapshot.verdict,
+            wrench: None,
+            wind: None,
+            clock: None,
+        });
+        status.snapshots += 1;
+        status.verdict = snapshot.verdict;
+        status.wrench = snapshot.wrench;
+        status.wind = snapshot.wind;
+    }
+
+    pub(super) fn clock(&self, vehicle: VehicleId, clock: Option<ClockOffset>) {
+        if let Some(status) = lock(&self.vehicles).get_mut(&vehicle) {
+            status.clock = clock;
+        }
+    }
+
+    pub(super) fn panicked(&self, vehicle: VehicleId) {
+        lock(&self.vehicles).remove(&vehicle);
+    }
+}
+
+impl LinkBoard {
+    fn status(&self) -> LinkStatus {
+        let received = lock(&self.received);
+        let mut status = LinkStatus {
+            name: self.name.clone(),
+            peers: 0,
+            frames_in: received.totals().frames,
+            bytes_in: received.totals().bytes,
+            bad_in: received.bad_frames(),
+            lost_in: received.losses().lost,
+            frames_out: 0,
+            bytes_out: 0,
+            dropped_out: 0,
+            strangers: 0,
+        };
+        if let Outlet::Udp(udp) = &self.outlet {
+            let count = |counter: &AtomicU64| counter.load(Ordering::Relaxed);
+            status.peers = udp.peer_count();
+            status.frames_out = count(&udp.traffic.frames_out);
+            status.bytes_out = count(&udp.traffic.bytes_out);
+            status.dropped_out = count(&udp.traffic.dropped_out);
+            status.strangers = count(&udp.traffic.strangers);
+        }
+        status
+    }
+}
+
+/// Writes a line for each link and vehicle: what happened since the lines before.
+#[derive(Debug)]
+pub(super) struct StatusLines {
+    last: Status,
+    at: Instant,
+}
+
+impl StatusLines {
+    pub(super) fn new(status: Status) -> Self {
+        Self { last: status, at: Instant::now() }
+    }
+
+    pub(super) fn log(&mut self, now: Status) {
+        for line in self.lines(now, Instant::now()) {
+            info!("{line}");
+        }
+    }
+
+    fn lines(&mut self, now: Status, at: Instant) -> Vec<String> {
+        let seconds = at.duration_since(self.at).as_secs_f64().max(1e-3);
+        let mut lines = Vec::new();
+        for (link, last) in now.links.iter().zip(&self.last.links) {
+            lines.push(link.line(last, seconds));
+        }
+        for (id, vehicle) in &now.vehicles {
+            let before = self.last.vehicles.get(id).map_or(0, |v| v.snapshots);
+            let hz = vehicle.snapshots.saturating_sub(before) as f64 / seconds;
+            lines.push(format!("vehicle {id}: {vehicle}, {hz:.0} estimates/s"));
+        }
+        let missed = now.estimator_missed - self.last.estimator_missed;
+        if missed > 0 {
+            lines.push(format!("the estimator was too slow for {missed} frames"));
+        }
+        if let Some(recording) = now.recording {
+            let end = if recording.stopped { ", stopped by an error" } else { "" };
+            lines.push(format!("recording: {} frames, {} missed{end}", recording.frames, recording.missed));
+        }
+        (self.last, self.at) = (now, at);
+        lines
+    }
+}
+
+impl LinkStatus {
+    fn line(&self, last: &Self, seconds: f64) -> String {
+        let per_second = |now: u64, before: u64| now.saturating_sub(before) as f64 / seconds;
+        let mut line = format!("link {}: ", self.name);
+        // writing into a String cannot fail
+        let _ = write!(line, "in {:.0} frames/s", per_second(self.frames_in, last.frames_in));
+        if self.bad_in > last.bad_in {
+            let _ = write!(line, " and {} bad", self.bad_in - last.bad_in);
+        }
+        if self.lost_in > last.lost_in {
+            let _ = write!(line, ", {} lost", self.lost_in - last.lost_in);
+        }
+        let _ = write!(line, ", out {:.0} frames/s", per_second(self.frames_out, last.frames_out));
+        let _ = write!(line, " to {} peer{}", self.peers, if self.peers == 1 { "" } else { "s" });
+        if self.dropped_out > last.dropped_out {
+            let _ = write!(line, ", {} dropped", self.dropped_out - last.dropped_out);
+        }
+        if self.strangers > last.strangers {
+            let _ = write!(line, ", {} datagrams of strangers", self.strangers - last.strangers);
+        }
+        line
+    }
+}
+
+impl fmt::Display for VehicleStatus {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(match self.verdict {
+            Verdict::Consistent => "consistent",
+            Verdict::Settling => "settling",
+            Verdict::AssumptionViolated => "assumption violated",
+            Verdict::Starved => "starved",
+            Verdict::Grounded => "on the ground",
+        })?;
+        if let Some(wind) = &self.wind {
+            let velocity = wind.velocity_ned_mps;
+            let from = (-velocity.y).atan2(-velocity.x).to_degrees().rem_euclid(360.0);
+            let width = wind.half_width_mps.xy().max();
+            write!(f, ", wind {:.1} \u{b1} {width:.1} m/s from {from:.0}\u{b0}", velocity.xy().norm())?;
+        }
+        if let Some(wrench) = &self.wrench {
+            let width = wrench.force_half_width_n.max();
+            write!(f, ", force {:.1} \u{b1} {width:.1} N", wrench.force_ned_n.norm())?;
+        }
+        Ok(())
+    }
+}
+
+/// A panic elsewhere leaves counters that are still true.
+fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
+    mutex.lock().unwrap_or_else(PoisonError::into_inner)
+}
