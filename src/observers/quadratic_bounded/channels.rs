@@ -128,7 +128,7 @@ fn builder(vehicle: &Vehicle, options: &mut Options) -> Result<Box<dyn Observer>
     let option = |source| BuildError::Option { observer: REGISTRATION.name, source };
     let alpha_force = options.number("alpha_force", 0.5, 20.0).map_err(option)?.unwrap_or(4.0);
     let alpha_torque = options.number("alpha_torque", 0.5, 20.0).map_err(option)?.unwrap_or(8.0);
-    let hold_s = options.number("gust_s", 0.0, 10.0).map_err(option)?.unwrap_or(0.3);
+    let hold_s = options.number("gust_s", 0.0, 10.0).map_err(option)?.unwrap_or(0.5);
     let gust_factor = options.number("gust_factor", 1.0, 100.0).map_err(option)?.unwrap_or(4.0);
     let bounds = bounds_of(vehicle);
     let design = |nodes: &[f64], ceiling: f64| -> Result<Vec<Arc<SampledDesign>>, BuildError> {
