@@ -216,12 +216,16 @@ fn plant(b: &Bounds) -> SampledPlant {
     let ball = |radius: f64| DMatrix::from_element(1, 1, radius.powi(-2));
     let block = |w: DMatrix<f64>, radius: f64| NoiseBlock { w, q: ball(radius) };
     let process = vec![block(dmatrix![1.0; 0.0], b.input), block(dmatrix![0.0; 1.0], b.rate)];
+    // what momentum alone can tell of d: two samples T apart give ±(2·momentum/T + input + rate·T/2), best at T = √(4·m/r)
+    let by_momentum = (4.0 * b.momentum * b.rate).sqrt() + b.input;
     let (c, output) = match b.direct {
-        Some(direct) => (
+        // an output noisier than that adds nothing to the ellipsoid but ill-conditioned gains; the observer still
+        // intersects with it
+        Some(direct) if direct < by_momentum => (
             DMatrix::identity(2, 2),
             vec![block(dmatrix![1.0; 0.0], b.momentum), block(dmatrix![0.0; 1.0], direct)],
         ),
-        None => (dmatrix![1.0, 0.0], vec![block(dmatrix![1.0], b.momentum)]),
+        _ => (dmatrix![1.0, 0.0], vec![block(dmatrix![1.0], b.momentum)]),
     };
     SampledPlant { a: dmatrix![0.0, 1.0; 0.0, 0.0], process, c, output, e1: DMatrix::identity(2, 2) }
 }

@@ -50,6 +50,8 @@ pub struct WrenchObserver {
     quick_steps: u32,
     inputs: [DVector<f64>; 6],
     outputs: [DVector<f64>; 6],
+    /// Residual force that the accelerometer shows, NED, N.
+    residual_ned_n: Vector3<f64>,
     /// For how much longer each family's bound is kept open, s: force, torque.
     hold_s: [f64; 2],
     /// Half-widths to which the bounds of the axes were last reopened.
@@ -97,6 +99,7 @@ impl WrenchObserver {
             pace: Pace::Fast,
             quick_steps: 0,
             channels,
+            residual_ned_n: Vector3::zeros(),
             hold_s: [0.0; 2],
             opening: [f64::INFINITY; 6],
             admitted: [UNKNOWN; 3],
@@ -146,12 +149,14 @@ impl WrenchObserver {
 
         let momentum = frame.velocity_ned_mps * v.mass_kg.nominal;
         let spin = frame.rotation * (v.inertia_kgm2 * m.imu.rate_frd_rads);
-        let residual =
+        self.residual_ned_n =
             frame.rotation * (m.imu.accel_frd_mps2 * v.mass_kg.nominal - frame.actuation.force_frd_n);
         for i in 0..3 {
             self.inputs[i][0] = force[i];
             self.outputs[i][0] = momentum[i];
-            self.outputs[i][1] = residual[i];
+            if let Some(direct) = self.outputs[i].get_mut(1) {
+                *direct = self.residual_ned_n[i];
+            }
             self.inputs[3 + i][0] = torque[i];
             self.outputs[3 + i][0] = spin[i];
         }
@@ -159,9 +164,8 @@ impl WrenchObserver {
 
     /// Starts the filters at what is measured, with the bound opened from the envelope.
     fn start(&mut self) {
-        for (filter, y) in self.filters.iter_mut().zip(&self.outputs) {
-            let x = filter.state_mut();
-            x[1] = if y.len() > 1 { y[1] } else { 0.0 };
+        for (i, filter) in self.filters.iter_mut().enumerate() {
+            filter.state_mut()[1] = self.residual_ned_n.get(i).copied().unwrap_or(0.0);
         }
         self.opening = [f64::INFINITY; 6];
         self.open(Family::Force);
@@ -186,10 +190,9 @@ impl WrenchObserver {
         let body: f64 = (0..3)
             .map(|j| frame.rotation[(i, j)].abs() * (noise.accel_mps2[j] + noise.accel_bias_mps2[j]))
             .sum();
-        let [north, east, down] = [0, 1, 2].map(|k| self.outputs[k][1]);
-        let horizontal = north.hypot(east);
+        let horizontal = self.residual_ned_n.xy().norm();
         let turned = if i < 2 {
-            noise.yaw_rad * horizontal + noise.tilt_rad * down.abs()
+            noise.yaw_rad * horizontal + noise.tilt_rad * self.residual_ned_n.z.abs()
         } else {
             noise.tilt_rad * horizontal
         };
@@ -210,7 +213,7 @@ impl WrenchObserver {
             }
             if i < 3 {
                 let factor = self.channels.gust_factor();
-                shown[i] = factor * (filter.innovation(&self.outputs[i])[1].abs() + force_noise);
+                shown[i] = factor * ((filter.state()[1] - self.residual_ned_n[i]).abs() + force_noise);
             }
             filter.update(&self.outputs[i], u32::MAX, dt_s);
         }
@@ -246,7 +249,7 @@ impl WrenchObserver {
                 continue;
             }
             let noise = self.force_noise(frame, i);
-            let seen = Interval::centred(self.outputs[i][1], noise);
+            let seen = Interval::centred(self.residual_ned_n[i], noise);
             let drift = self.channels.rate(i) * dt_s;
             let before = self.admitted[i] + Interval::centred(0.0, drift);
             match before.intersect(seen) {
