@@ -1,5 +1,7 @@
 //! After its first frames, a link allocates nothing: not for framing, statistics, typed access or encoding.
 
+#![allow(unsafe_code)] // an allocator cannot be written without
+
 use mavobserver::wire::dialect::ardupilotmega::{ATTITUDE_DATA, HEARTBEAT_DATA};
 use mavobserver::wire::stats::LinkStats;
 use mavobserver::wire::{Encoder, Event, FrameBuf, Parser, datagram, decode};
