@@ -47,11 +47,7 @@ pub fn find(name: &str) -> Result<&'static Registration, BuildError> {
 pub fn build(name: &str, vehicle: &Vehicle, mut options: Options) -> Result<Box<dyn Observer>, BuildError> {
     let r = find(name)?;
     if let Some(key) = options.keys().find(|k| !r.options.contains(k)) {
-        return Err(BuildError::UnknownOption {
-            observer: r.name,
-            key: key.to_owned(),
-            known: r.options.join(", "),
-        });
+        return Err(BuildError::UnknownOption { observer: r.name, key: key.to_owned(), known: r.options.join(", ") });
     }
     (r.builder)(vehicle, &mut options)
 }

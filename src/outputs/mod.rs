@@ -31,4 +31,5 @@ mod text;
 
 pub use common::{SCALARS, Scalar};
 pub use link::LinkOutputs;
+pub use rounding::half_widths;
 pub use settings::{OutputSettings, Rate, Rates};

@@ -15,7 +15,7 @@ pub(super) fn down(x: f64) -> f32 {
 }
 
 /// Half-widths that still cover what `values ± half_widths` covers once the values are `f32`.
-pub(super) fn half_widths(values: &Vector3<f64>, half_widths: &Vector3<f64>) -> [f32; 3] {
+pub fn half_widths(values: &Vector3<f64>, half_widths: &Vector3<f64>) -> [f32; 3] {
     std::array::from_fn(|i| {
         let moved = (f64::from(values[i] as f32) - values[i]).abs();
         up(half_widths[i] + moved)

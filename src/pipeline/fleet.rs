@@ -31,8 +31,7 @@ pub struct FleetSettings {
 impl FleetSettings {
     /// The quadratic-boundedness observer with its defaults, for one vehicle model.
     pub fn standard(vehicle: Arc<Vehicle>) -> Self {
-        let observers =
-            vec![ObserverSetting { name: "quadratic_bounded".to_owned(), options: Options::default() }];
+        let observers = vec![ObserverSetting { name: "quadratic_bounded".to_owned(), options: Options::default() }];
         Self { vehicle, by_system: BTreeMap::new(), observers }
     }
 }

@@ -27,7 +27,9 @@ impl Notices {
         let t = snapshot.stamp;
         match m.discontinuity {
             Some(Discontinuity::Reboot) => sink(Severity::Warning, "vehicle restarted: observers start anew"),
-            Some(Discontinuity::EstimatorReset) => sink(Severity::Notice, "autopilot's estimate jumped: bounds reopened"),
+            Some(Discontinuity::EstimatorReset) => {
+                sink(Severity::Notice, "autopilot's estimate jumped: bounds reopened")
+            }
             Some(Discontinuity::First | Discontinuity::Gap) | None => {}
         }
         if m.discontinuity.is_some() {

@@ -46,9 +46,28 @@ pub struct FaultMask(pub u32);
 impl FaultMask {
     /// Names of the bits, lowest first.
     pub const NAMES: [&str; 22] = [
-        "rotor_1", "rotor_2", "rotor_3", "rotor_4", "rotor_5", "rotor_6", "rotor_7", "rotor_8", "rotor_9", "rotor_10",
-        "rotor_11", "rotor_12", "gyro", "accel", "mag", "baro", "gnss_position", "gnss_velocity", "attitude", "payload",
-        "gust", "link",
+        "rotor_1",
+        "rotor_2",
+        "rotor_3",
+        "rotor_4",
+        "rotor_5",
+        "rotor_6",
+        "rotor_7",
+        "rotor_8",
+        "rotor_9",
+        "rotor_10",
+        "rotor_11",
+        "rotor_12",
+        "gyro",
+        "accel",
+        "mag",
+        "baro",
+        "gnss_position",
+        "gnss_velocity",
+        "attitude",
+        "payload",
+        "gust",
+        "link",
     ];
 
     /// The names of the active faults.

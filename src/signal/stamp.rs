@@ -42,6 +42,7 @@ impl Sub for Stamp {
     type Output = f64;
 
     /// Seconds from `earlier` to `self`.
+    #[allow(clippy::suspicious_arithmetic_impl)] // the difference of two instants is a time, not an instant
     fn sub(self, earlier: Self) -> f64 {
         self.0.saturating_sub(earlier.0) as f64 * 1e-9
     }

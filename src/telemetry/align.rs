@@ -153,9 +153,9 @@ impl Aligner {
             }
             SampleKind::Mag { field_frd_gauss } => self.mag = Some((t, field_frd_gauss)),
             SampleKind::Attitude { body_to_ned } => self.attitude.push(t, body_to_ned),
-            SampleKind::LocalPosition { position_ned_m, velocity_ned_mps } => self
-                .kinematics
-                .push(t, Kinematics { position_ned_m: Some(position_ned_m), velocity_ned_mps }),
+            SampleKind::LocalPosition { position_ned_m, velocity_ned_mps } => {
+                self.kinematics.push(t, Kinematics { position_ned_m: Some(position_ned_m), velocity_ned_mps })
+            }
             SampleKind::GlobalPosition { velocity_ned_mps, .. } => {
                 self.kinematics.push(t, Kinematics { position_ned_m: None, velocity_ned_mps });
             }

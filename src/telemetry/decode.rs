@@ -19,7 +19,10 @@ pub enum Decoded {
     /// The autopilot says that its estimate jumped.
     EstimatorReset,
     /// Rotor `rotor` (0-based) hangs on output `output` (0-based), by the autopilot's parameters.
-    RotorOutput { rotor: usize, output: usize },
+    RotorOutput {
+        rotor: usize,
+        output: usize,
+    },
 }
 
 /// Of several messages that carry the same thing, follows the best that is alive.
@@ -296,13 +299,7 @@ impl Decoder {
         self.outputs(t, OutputSource::ServoOutputRaw, |i| f.u16(at(i)).into(), sink);
     }
 
-    fn outputs(
-        &mut self,
-        t: Stamp,
-        source: OutputSource,
-        value: impl Fn(usize) -> f64,
-        sink: &mut dyn FnMut(Decoded),
-    ) {
+    fn outputs(&mut self, t: Stamp, source: OutputSource, value: impl Fn(usize) -> f64, sink: &mut dyn FnMut(Decoded)) {
         if let Some(rank) = self.actuators.of(source)
             && self.outputs.accept(rank, t)
         {

@@ -1,3 +1,4 @@
+use crate::outputs::half_widths;
 use crate::pipeline::{FaultMask, Snapshot};
 use nalgebra::Vector3;
 use std::fs::File;
@@ -25,12 +26,9 @@ impl EstimatesCsv {
         let out = &mut self.out;
         let received_s = s.received_unix_us as f64 * 1e-6;
         write!(out, "{},{:.6},{received_s:.6}", s.vehicle.system, s.stamp.secs())?;
-        vector(out, s.wind.map(|w| w.velocity_ned_mps))?;
-        vector(out, s.wind.map(|w| w.half_width_mps))?;
-        vector(out, s.wrench.map(|w| w.force_ned_n))?;
-        vector(out, s.wrench.map(|w| w.force_half_width_n))?;
-        vector(out, s.wrench.map(|w| w.torque_frd_nm))?;
-        vector(out, s.wrench.map(|w| w.torque_half_width_nm))?;
+        bounded(out, s.wind.map(|w| (w.velocity_ned_mps, w.half_width_mps)))?;
+        bounded(out, s.wrench.map(|w| (w.force_ned_n, w.force_half_width_n)))?;
+        bounded(out, s.wrench.map(|w| (w.torque_frd_nm, w.torque_half_width_nm)))?;
         write!(out, ",{:?},", s.verdict)?;
         faults(out, s.faults)?;
         writeln!(out)
@@ -41,14 +39,16 @@ impl EstimatesCsv {
     }
 }
 
-/// Three fields; one that is not finite stays empty.
-fn vector(out: &mut impl Write, v: Option<Vector3<f64>>) -> io::Result<()> {
-    for i in 0..3 {
-        match v.map(|v| v[i]) {
-            // single precision, as on the wire: what is read here equals what a ground station decodes
-            Some(x) if x.is_finite() => write!(out, ",{}", x as f32)?,
-            _ => write!(out, ",")?,
-        }
+/// Six fields: three values, then their half-widths. One that is not finite stays empty.
+///
+/// Rounded to single precision just as on the wire: what stands here equals what a ground station decodes.
+fn bounded(out: &mut impl Write, estimate: Option<(Vector3<f64>, Vector3<f64>)>) -> io::Result<()> {
+    let fields = estimate.map_or([f32::NAN; 6], |(values, widths)| {
+        let [a, b, c] = half_widths(&values, &widths);
+        [values.x as f32, values.y as f32, values.z as f32, a, b, c]
+    });
+    for x in fields {
+        if x.is_finite() { write!(out, ",{x}")? } else { write!(out, ",")? }
     }
     Ok(())
 }

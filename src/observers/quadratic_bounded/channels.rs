@@ -221,10 +221,9 @@ fn plant(b: &Bounds) -> SampledPlant {
     let (c, output) = match b.direct {
         // an output noisier than that adds nothing to the ellipsoid but ill-conditioned gains; the observer still
         // intersects with it
-        Some(direct) if direct < by_momentum => (
-            DMatrix::identity(2, 2),
-            vec![block(dmatrix![1.0; 0.0], b.momentum), block(dmatrix![0.0; 1.0], direct)],
-        ),
+        Some(direct) if direct < by_momentum => {
+            (DMatrix::identity(2, 2), vec![block(dmatrix![1.0; 0.0], b.momentum), block(dmatrix![0.0; 1.0], direct)])
+        }
         _ => (dmatrix![1.0, 0.0], vec![block(dmatrix![1.0], b.momentum)]),
     };
     SampledPlant { a: dmatrix![0.0, 1.0; 0.0, 0.0], process, c, output, e1: DMatrix::identity(2, 2) }

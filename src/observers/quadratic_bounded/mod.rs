@@ -23,9 +23,9 @@ mod sampled;
 mod synthesis;
 
 pub use cache::{Cache, design_cached};
+pub use certify::Coverage;
 pub use channels::{Channels, REGISTRATION};
 pub use filter::Filter;
 pub use online::WrenchObserver;
 pub use plant::{NoiseBlock, Plant, PlantError, SampledPlant, half_widths, projected, volume};
-pub use certify::Coverage;
 pub use sampled::{Certificate, DesignError, PartialStep, SampledDesign, design_sampled, step_nodes};

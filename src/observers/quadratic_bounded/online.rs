@@ -149,8 +149,7 @@ impl WrenchObserver {
 
         let momentum = frame.velocity_ned_mps * v.mass_kg.nominal;
         let spin = frame.rotation * (v.inertia_kgm2 * m.imu.rate_frd_rads);
-        self.residual_ned_n =
-            frame.rotation * (m.imu.accel_frd_mps2 * v.mass_kg.nominal - frame.actuation.force_frd_n);
+        self.residual_ned_n = frame.rotation * (m.imu.accel_frd_mps2 * v.mass_kg.nominal - frame.actuation.force_frd_n);
         for i in 0..3 {
             self.inputs[i][0] = force[i];
             self.outputs[i][0] = momentum[i];
@@ -187,9 +186,8 @@ impl WrenchObserver {
     /// Half-width of the accelerometer's residual force on world axis `i`, N, at this attitude.
     fn force_noise(&self, frame: &Frame, i: usize) -> f64 {
         let noise = &self.vehicle.noise;
-        let body: f64 = (0..3)
-            .map(|j| frame.rotation[(i, j)].abs() * (noise.accel_mps2[j] + noise.accel_bias_mps2[j]))
-            .sum();
+        let body: f64 =
+            (0..3).map(|j| frame.rotation[(i, j)].abs() * (noise.accel_mps2[j] + noise.accel_bias_mps2[j])).sum();
         let horizontal = self.residual_ned_n.xy().norm();
         let turned = if i < 2 {
             noise.yaw_rad * horizontal + noise.tilt_rad * self.residual_ned_n.z.abs()
