@@ -1,12 +1,14 @@
 //! `mavobserver run`: the daemon.
 
-use super::{ConfigArgs, Failure};
+use super::{ConfigArgs, Failure, print};
 use crate::config::{Config, LinkUrl};
-use crate::daemon::{Daemon, DaemonError, Settings};
+use crate::daemon::{Daemon, DaemonError, Settings, Status, Summary};
 use crate::observers;
 use crate::pipeline::{Fleet, FleetSettings};
 use crate::telemetry::requests::Need;
 use crate::vehicle;
+use nalgebra::Vector3;
+use serde_json::{Value, json};
 use std::io;
 use std::path::PathBuf;
 use std::sync::Arc;
@@ -25,7 +27,7 @@ const ASSUMED_MODEL: &str = "arducopter-sitl";
 #[command(after_help = "\
 Examples:
   mavobserver run --link udpin:0.0.0.0:14550 --vehicle my-quad.toml
-  mavobserver run --link udpin:0.0.0.0:14540 --link udpout:192.168.1.20:14550 --vehicle px4-x500 --record logs
+  mavobserver run --link udpin:0.0.0.0:14540 --link udpout:192.168.1.20:14550 --record logs
   mavobserver run --link tlog:flight.tlog --link udpout:127.0.0.1:14550
   mavobserver run -c flight.toml
 
@@ -42,6 +44,9 @@ pub struct RunArgs {
     /// Ask the vehicles for nothing
     #[arg(long)]
     pub no_requests: bool,
+    /// At the end, print what passed and the last estimates as one JSON object
+    #[arg(long)]
+    pub json: bool,
 }
 
 /// Runs until stopped.
@@ -68,10 +73,17 @@ pub fn run(args: RunArgs) -> Result<(), Failure> {
     let outcome = runtime.block_on(serve(config));
     // a straggler must not keep the process alive
     runtime.shutdown_background();
-    outcome
+    let summary = outcome?;
+    if args.json {
+        print(&format!("{:#}", report(&summary.status)))?;
+    }
+    if summary.stragglers.is_empty() {
+        return Ok(());
+    }
+    Err(Failure::Failed(format!("stopped without waiting any longer for {}", summary.stragglers.join(", "))))
 }
 
-async fn serve(config: Config) -> Result<(), Failure> {
+async fn serve(config: Config) -> Result<Summary, Failure> {
     // what is quick to fail comes first: an occupied port is told before a design is computed
     let daemon = Daemon::bind(settings(&config)?).await?;
     let fleet = fleet(&config)?;
@@ -79,11 +91,7 @@ async fn serve(config: Config) -> Result<(), Failure> {
     let stop = CancellationToken::new();
     stop_on_signals(stop.clone()).map_err(|e| Failure::Failed(format!("cannot listen for signals: {e}")))?;
     info!(links = config.links.len(), "running; Ctrl-C stops");
-    let summary = daemon.run(fleet, stop).await?;
-    if summary.stragglers.is_empty() {
-        return Ok(());
-    }
-    Err(Failure::Failed(format!("stopped without waiting any longer for {}", summary.stragglers.join(", "))))
+    Ok(daemon.run(fleet, stop).await?)
 }
 
 fn settings(config: &Config) -> Result<Settings, Failure> {
@@ -136,6 +144,46 @@ fn stop_on_signals(stop: CancellationToken) -> io::Result<()> {
         stop.cancel();
     });
     Ok(())
+}
+
+fn report(status: &Status) -> Value {
+    // JSON knows no infinity: a half-width that claims nothing is null there
+    let vector = |v: &Vector3<f64>| json!([v.x, v.y, v.z]);
+    let links = status.links.iter().map(|l| {
+        let sources = l.sources.iter().map(|s| {
+            json!({
+                "system": s.source.system, "component": s.source.component, "frames": s.frames, "bytes": s.bytes,
+                "lost": s.lost, "rate_hz": s.rate_hz, "jitter_s": s.jitter_s,
+            })
+        });
+        json!({
+            "name": l.name, "peers": l.peers, "frames_in": l.frames_in, "bytes_in": l.bytes_in, "bad_in": l.bad_in,
+            "lost_in": l.lost_in, "frames_out": l.frames_out, "bytes_out": l.bytes_out,
+            "dropped_out": l.dropped_out, "strangers": l.strangers, "sources": sources.collect::<Vec<_>>(),
+        })
+    });
+    let vehicles = status.vehicles.iter().map(|(id, v)| {
+        json!({
+            "system": id.system, "component": id.component, "snapshots": v.snapshots,
+            "verdict": format!("{:?}", v.verdict),
+            "wrench": v.wrench.map(|w| json!({
+                "force_ned_n": vector(&w.force_ned_n), "force_half_width_n": vector(&w.force_half_width_n),
+                "torque_frd_nm": vector(&w.torque_frd_nm), "torque_half_width_nm": vector(&w.torque_half_width_nm),
+            })),
+            "wind": v.wind.map(|w| json!({
+                "velocity_ned_mps": vector(&w.velocity_ned_mps), "half_width_mps": vector(&w.half_width_mps),
+            })),
+            "clock_ours_minus_theirs_ns": v.clock.map(|c| c.ours_minus_theirs_ns),
+        })
+    });
+    json!({
+        "links": links.collect::<Vec<_>>(),
+        "vehicles": vehicles.collect::<Vec<_>>(),
+        "estimator_missed": status.estimator_missed,
+        "recording": status.recording.map(|r| json!({
+            "frames": r.frames, "missed": r.missed, "stopped": r.stopped,
+        })),
+    })
 }
 
 impl From<DaemonError> for Failure {

@@ -213,8 +213,7 @@ mod tests {
         }
 
         fn commands(&self) -> Vec<&COMMAND_LONG_DATA> {
-            let command = |q| if let &Question::Command(ref c) = q { Some(c) } else { None };
-            self.asked.iter().filter_map(command).collect()
+            self.asked.iter().filter_map(|q| if let Question::Command(c) = q { Some(c) } else { None }).collect()
         }
     }
 

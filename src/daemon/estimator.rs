@@ -7,7 +7,7 @@ use super::router::{LinkId, Origin, Router};
 use super::status::Board;
 use crate::outputs::{LinkOutputs, OutputSettings};
 use crate::pipeline::{Event, Fleet, Severity, Snapshot, VehicleId};
-use crate::telemetry::requests::Need;
+use crate::telemetry::requests::{Need, Notice};
 use crate::wire::{FrameBuf, FrameRef};
 use std::collections::BTreeMap;
 use std::panic::{AssertUnwindSafe, catch_unwind};
@@ -142,7 +142,10 @@ impl<E: Estimator> Worker<E> {
         self.board.clock(*id, dialogue.clock_offset());
         // a question's time is when it leaves, not when the frame before it came
         let now = Now { unix_us: unix_us(), ..now };
-        let questions = dialogue.poll(now, &mut |notice| warn!(vehicle = %id, "{notice}"));
+        let questions = dialogue.poll(now, &mut |notice| match notice {
+            Notice::Unmet { .. } => warn!(vehicle = %id, "{notice}"),
+            Notice::Met { .. } => info!(vehicle = %id, "{notice}"),
+        });
         for question in questions.into_iter().flatten() {
             self.voice.ask(*id, &question, work.origin);
         }

@@ -44,7 +44,7 @@ pub use estimator::Estimator;
 pub use router::LinkId;
 pub use service::{Daemon, Summary};
 pub use settings::Settings;
-pub use status::{LinkStatus, RecordingStatus, Status, VehicleStatus};
+pub use status::{LinkStatus, RecordingStatus, SourceStatus, Status, VehicleStatus};
 
 /// Frames that may wait for the estimator: a second of twenty vehicles.
 pub const ESTIMATOR_QUEUE: usize = 4096;

@@ -6,13 +6,13 @@ use crate::pipeline::{Snapshot, VehicleId, WindEstimate, WrenchEstimate};
 use crate::signal::Verdict;
 use crate::telemetry::timesync::ClockOffset;
 use crate::wire::Event;
-use crate::wire::stats::LinkStats;
+use crate::wire::stats::{LinkStats, Source};
 use std::collections::BTreeMap;
 use std::fmt::{self, Write};
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard, OnceLock, PoisonError};
 use std::time::Instant;
-use tracing::info;
+use tracing::{debug, info};
 
 /// What a link sent and what it could not take. Only ever counts up.
 #[derive(Debug, Default)]
@@ -72,6 +72,20 @@ pub struct LinkStatus {
     pub dropped_out: u64,
     /// Datagrams of senders that are not served.
     pub strangers: u64,
+    pub sources: Vec<SourceStatus>,
+}
+
+/// One sender of frames on a link so far.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct SourceStatus {
+    pub source: Source,
+    pub frames: u64,
+    pub bytes: u64,
+    pub lost: u64,
+    /// Frames per second, lately.
+    pub rate_hz: f64,
+    /// Deviation of the time between frames, s.
+    pub jitter_s: f64,
 }
 
 /// One vehicle, as last estimated.
@@ -121,10 +135,10 @@ impl Board {
         let _ = self.recorder.set(state);
     }
 
-    /// Everything as it is now.
-    pub(super) fn status(&self) -> Status {
+    /// Everything as it is at `now_us`, on the clock of the receive times.
+    pub(super) fn status(&self, now_us: u64) -> Status {
         Status {
-            links: self.links.iter().map(LinkBoard::status).collect(),
+            links: self.links.iter().map(|link| link.status(now_us)).collect(),
             vehicles: lock(&self.vehicles).clone(),
             estimator_missed: self.estimator_missed.load(Ordering::Relaxed),
             recording: self.recorder.get().map(|recorder| RecordingStatus {
@@ -173,7 +187,7 @@ impl Board {
 }
 
 impl LinkBoard {
-    fn status(&self) -> LinkStatus {
+    fn status(&self, now_us: u64) -> LinkStatus {
         let received = lock(&self.received);
         let mut status = LinkStatus {
             name: self.name.clone(),
@@ -186,6 +200,17 @@ impl LinkBoard {
             bytes_out: 0,
             dropped_out: 0,
             strangers: 0,
+            sources: received
+                .sources()
+                .map(|(source, stats)| SourceStatus {
+                    source,
+                    frames: stats.totals().frames,
+                    bytes: stats.totals().bytes,
+                    lost: stats.losses().lost,
+                    rate_hz: stats.cadence().rate_hz(now_us),
+                    jitter_s: stats.cadence().jitter_s(),
+                })
+                .collect(),
         };
         if let Outlet::Udp(udp) = &self.outlet {
             let count = |counter: &AtomicU64| counter.load(Ordering::Relaxed);
@@ -212,6 +237,9 @@ impl StatusLines {
     }
 
     pub(super) fn log(&mut self, now: Status) {
+        for (link, source) in now.links.iter().flat_map(|l| l.sources.iter().map(move |s| (l, s))) {
+            debug!("link {}: {source}", link.name);
+        }
         for line in self.lines(now, Instant::now()) {
             info!("{line}");
         }
@@ -262,6 +290,14 @@ impl LinkStatus {
             let _ = write!(line, ", {} datagrams of strangers", self.strangers - last.strangers);
         }
         line
+    }
+}
+
+impl fmt::Display for SourceStatus {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let Self { source, frames, bytes, lost, rate_hz, jitter_s } = self;
+        let jitter_ms = jitter_s * 1e3;
+        write!(f, "{source} sent {frames} frames, {bytes} bytes, {lost} lost, {rate_hz:.1} Hz \u{b1} {jitter_ms:.1} ms")
     }
 }
 

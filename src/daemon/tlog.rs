@@ -26,6 +26,7 @@ pub(super) struct LogLink {
 }
 
 /// What the reading thread hands over. A bad stretch travels as its size and reason: its bytes are of no more use.
+#[allow(clippy::large_enum_variant)] // nearly every item is a frame; a box for each would only cost
 enum Item {
     Frame { at_us: Option<u64>, frame: FrameBuf },
     Bad { at_us: Option<u64>, bytes: Vec<u8>, reason: BadReason },

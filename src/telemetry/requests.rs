@@ -103,7 +103,7 @@ pub enum Cause {
     Unanswered,
     /// At least one message was granted, none came.
     Silent,
-    /// It comes, but too slowly: the autopilot's rate, or the link, is at its limit.
+    /// It was granted and comes, but too slowly: the autopilot, or the link, is at its limit.
     Slow,
 }
 
@@ -439,7 +439,7 @@ impl StreamRequester {
             self.settle(index, measured_hz, now_ms, notice);
             return None;
         }
-        let (mut refused, mut silent) = (false, false);
+        let (mut refused, mut granted) = (false, false);
         for &stream in &self.wants[index].streams {
             match self.streams[stream].asked {
                 Asked::No { not_before_ms, .. } => return (now_ms >= not_before_ms).then_some(stream),
@@ -447,12 +447,16 @@ impl StreamRequester {
                 Asked::Granted { at_ms } if now_ms.saturating_sub(at_ms) < SETTLE_MS => return None,
                 Asked::Granted { .. } => {
                     let stream = &mut self.streams[stream];
-                    match stream.request {
-                        Target::Message(_) if stream.rate.hz(now_ms) > 0.0 => break,
-                        Target::Message(_) => silent = true,
+                    let arrives = match stream.request {
+                        Target::Message(_) => {
+                            granted = true;
+                            stream.rate.hz(now_ms) > 0.0
+                        }
                         // a group is obeyed without an answer: what it brings shows in the messages' rates
-                        Target::Group(_) if measured_hz > 0.0 => break,
-                        Target::Group(_) => {}
+                        Target::Group(_) => measured_hz > 0.0,
+                    };
+                    if arrives {
+                        break;
                     }
                 }
                 Asked::Refused => refused = true,
@@ -463,11 +467,11 @@ impl StreamRequester {
             self.settle(index, measured_hz, now_ms, notice);
             return None;
         }
-        let cause = match (measured_hz > 0.0, silent, refused) {
-            (true, _, _) => Cause::Slow,
-            (_, true, _) => Cause::Silent,
-            (_, _, true) => Cause::Refused,
-            _ => Cause::Unanswered,
+        let cause = match (granted, refused) {
+            (true, _) if measured_hz > 0.0 => Cause::Slow,
+            (true, _) => Cause::Silent,
+            (false, true) => Cause::Refused,
+            (false, false) => Cause::Unanswered,
         };
         let want = &mut self.wants[index];
         want.state = WantState::Resting { until_ms: now_ms + want.rest_ms };

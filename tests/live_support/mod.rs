@@ -260,7 +260,7 @@ pub fn hover_step(encoder: &mut Encoder, k: u32) -> Vec<FrameBuf> {
         ..SERVO_OUTPUT_RAW_DATA::DEFAULT
     };
     let mut frames = Vec::new();
-    if k % 50 == 0 {
+    if k.is_multiple_of(50) {
         frames.push(encoder.encode(&armed));
     }
     frames.push(encoder.encode(&servos));

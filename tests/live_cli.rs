@@ -1,0 +1,118 @@
+//! `mavobserver run` as a process: exit codes, stopping by signal, what is left on disk.
+
+mod live_support;
+
+use assert_cmd::cargo::{cargo_bin, cargo_bin_cmd};
+use live_support::flight_of;
+use mavobserver::wire::Encoder;
+use mavobserver::wire::tlog::{TlogReader, TlogWriter};
+use std::fs::File;
+use std::io::{BufRead, BufReader};
+use std::net::UdpSocket;
+use std::path::{Path, PathBuf};
+use std::process::{Child, Command, Stdio};
+use std::time::{Duration, Instant};
+
+fn refused(arguments: &[&str], code: i32) -> String {
+    let output = cargo_bin_cmd!("mavobserver").arg("run").args(arguments).assert().code(code).get_output().clone();
+    assert!(output.stdout.is_empty(), "errors belong on standard error");
+    String::from_utf8(output.stderr).expect("text")
+}
+
+#[test]
+fn an_occupied_port_fails_with_its_address_and_advice() {
+    let holder = UdpSocket::bind("127.0.0.1:0").expect("a free port");
+    let url = format!("udpin:{}", holder.local_addr().expect("bound"));
+    let message = refused(&["--link", &url], 1);
+    assert!(message.contains(&url) && message.contains("in use") && message.contains("choose another"), "{message}");
+}
+
+#[test]
+fn nothing_to_do_is_wrong_usage() {
+    assert!(refused(&[], 2).contains("--link udpin:0.0.0.0:14550"));
+    assert!(refused(&["--link", "udpim:0.0.0.0:1"], 2).contains("did you mean `udpin`?"));
+    assert!(refused(&["--link", "udpin:127.0.0.1:14550", "--vehicle", "px4-shi"], 2).contains("px4-sih"));
+}
+
+#[test]
+fn a_missing_or_foreign_log_fails_with_its_name() {
+    assert!(refused(&["--link", "tlog:no/such.tlog"], 1).contains("no/such.tlog"));
+    let message = refused(&["--link", concat!("tlog:", env!("CARGO_MANIFEST_DIR"), "/Cargo.toml")], 1);
+    assert!(message.contains("Cargo.toml") && message.contains("text file"), "{message}");
+}
+
+#[test]
+fn a_log_played_flat_out_ends_by_itself_and_reports_in_json() {
+    let directory = tempfile::tempdir().expect("a directory");
+    let log = directory.path().join("flight.tlog");
+    let mut writer = TlogWriter::new(File::create(&log).expect("writable"));
+    for (k, frame) in flight_of(&mut Encoder::new(1, 1), 500).iter().enumerate() {
+        writer.write(1_700_000_000_000_000 + 20_000 * k as u64, frame.as_ref()).expect("written");
+    }
+    writer.flush().expect("written");
+    let link = format!("tlog:{}?speed=max", log.display());
+    let output = cargo_bin_cmd!("mavobserver")
+        .args(["run", "--json", "--vehicle", "arducopter-sitl", "--link", &link])
+        .timeout(Duration::from_secs(120))
+        .assert()
+        .success()
+        .get_output()
+        .clone();
+    let report: serde_json::Value = serde_json::from_slice(&output.stdout).expect("one JSON object and nothing else");
+    assert_eq!((&report["links"][0]["frames_in"], &report["links"][0]["lost_in"]), (&501.into(), &0.into()));
+    assert_eq!(report["links"][0]["sources"][0]["frames"], 501);
+}
+
+/// A daemon on a free port that records; given back once it runs.
+fn start(records: &Path) -> (Child, BufReader<std::process::ChildStderr>, String) {
+    let port = UdpSocket::bind("127.0.0.1:0").and_then(|s| s.local_addr()).expect("a free port").port();
+    let address = format!("127.0.0.1:{port}");
+    let mut child = Command::new(cargo_bin!("mavobserver"))
+        .args(["run", "--vehicle", "arducopter-sitl", "--link", &format!("udpin:{address}"), "--record"])
+        .arg(records)
+        .stderr(Stdio::piped())
+        .spawn()
+        .expect("starts");
+    let mut log = BufReader::new(child.stderr.take().expect("piped"));
+    let mut line = String::new();
+    while !line.contains("running") {
+        line.clear();
+        assert_ne!(log.read_line(&mut line).expect("text"), 0, "ended before it ran");
+    }
+    (child, log, address)
+}
+
+fn recorded(records: &Path) -> usize {
+    let files = std::fs::read_dir(records).expect("made").map(|f| f.expect("read").path());
+    let received: Vec<PathBuf> = files.filter(|f| !f.to_string_lossy().contains(".sent.")).collect();
+    let mut reader = TlogReader::open(&received[0]).expect("a log");
+    let mut frames = 0;
+    while reader.next().expect("readable").is_some() {
+        frames += 1;
+    }
+    frames
+}
+
+#[cfg(unix)]
+#[test]
+fn it_stops_politely_at_sigterm_and_keeps_what_it_heard_when_killed() {
+    for (signal, success) in [("-TERM", true), ("-INT", true), ("-KILL", false)] {
+        let directory = tempfile::tempdir().expect("a directory");
+        let (mut child, log, address) = start(directory.path());
+        let socket = UdpSocket::bind("127.0.0.1:0").expect("a free port");
+        for frame in flight_of(&mut Encoder::new(1, 1), 99) {
+            socket.send_to(frame.bytes(), &address).expect("sent");
+        }
+        if !success {
+            // the recorder's promise: on disk within a second
+            std::thread::sleep(Duration::from_secs(1));
+        }
+        let begin = Instant::now();
+        Command::new("kill").args([signal, &child.id().to_string()]).status().expect("kill runs");
+        let status = child.wait().expect("ended");
+        assert_eq!(status.success(), success, "{signal}: {status}");
+        assert!(begin.elapsed() < Duration::from_secs(5));
+        let rest: Vec<_> = log.lines().map_while(Result::ok).collect();
+        assert_eq!(recorded(directory.path()), 100, "{signal}: {rest:#?}");
+    }
+}
