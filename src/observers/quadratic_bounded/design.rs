@@ -1,11 +1,16 @@
-use super::plant::{Plant, PlantError, factor, half_widths, over, projected, volume};
+use super::plant::{Plant, PlantError, factor, half_widths, over, projected, unit_ball, volume};
 use super::riccati::stabilising;
 use super::sampled::DesignError;
+use super::tradeoff::{TradeOff, minimise};
 use crate::sdp::{Affine, Outcome, Problem, Settings, verify};
 use nalgebra::DMatrix;
 
 /// Room asked for in the inequality (7), far above rounding and without visible cost in the bound.
 const MARGIN: f64 = 1e-7;
+
+/// Rates at which a front is first computed, from this share of the fastest up to it.
+const FRONT: usize = 60;
+const SLOWEST: f64 = 1e-3;
 
 /// How well log det P_z from the semidefinite program and from the Riccati equation must agree.
 const AGREEMENT: f64 = 1e-4;
@@ -60,11 +65,13 @@ impl<'a> Unit<'a> {
         Ok(Self { plant, g1, g2, c, weighted_c })
     }
 
-    /// T with S₊ = T·Tᵀ of `riccati` at α.
+    /// T with P₊ = (T·Tᵀ)⁻¹ of `riccati` at α.
     fn riccati(&self, alpha: f64) -> Option<DMatrix<f64>> {
         let n = self.plant.a.nrows();
-        let a = &self.plant.a + DMatrix::identity(n, n) * (0.5 * alpha);
-        stabilising(&a, &(self.c.transpose() * &self.c * alpha), &(&self.g1 * self.g1.transpose() / alpha))
+        let a = -(self.plant.a.transpose() + DMatrix::identity(n, n) * (0.5 * alpha));
+        let driven = &self.g1 * self.g1.transpose() / alpha;
+        let seen = self.c.transpose() * &self.c * alpha;
+        stabilising(&a, &driven, &seen)?.transpose().try_inverse()
     }
 
     /// Y = −α·CᵀR⁻¹, the best Y for every P.
@@ -85,36 +92,47 @@ impl<'a> Unit<'a> {
         m
     }
 
-    /// The largest P in the coordinates x = T·x̃, as T⁻ᵀ·P̃·T⁻¹, and the time it took.
+    /// Solves (31) with (7) and (30) in the coordinates x = T·x̃; gives P and the time it took.
     ///
-    /// (7) with Y eliminated: [−(A_αᵀP + PA_α) + α·CᵀR⁻¹C, PG₁; ·, αI] ⪰ 0.
-    fn solve(&self, alpha: f64, t: &DMatrix<f64>, settings: &Settings) -> Result<(DMatrix<f64>, f64), DesignError> {
-        let failed = |what: &str| DesignError::NotVerified { alpha, what: what.into(), margin: 0.0 };
-        let t_inv = t.clone().try_inverse().ok_or_else(|| failed("the coordinates"))?;
-        let n = t.nrows();
-        let a = &t_inv * &self.plant.a * t + DMatrix::identity(n, n) * (0.5 * alpha);
-        let (c, g1) = (&self.c * t, &t_inv * &self.g1);
-        // z in coordinates in which it spans as much as x̃ does
-        let e1 = &self.plant.e1 * t;
+    /// Y is eliminated (see `riccati`), which leaves (7) as [−(A_αᵀP + PA_α) + α·CᵀR⁻¹C, PG₁; ·, αI] ⪰ 0. With the
+    /// Riccati solution as T, P̃ = I and, in coordinates of z with E₁TTᵀE₁ᵀ = I, X̃ = I are expected, and instead of log det X̃
+    /// its tangent there, tr X̃, is maximised: log det is concave, so where the tangent is largest, log det is. Without
+    /// it the program is solved as it stands.
+    fn solve(&self, alpha: f64, coordinates: Option<&DMatrix<f64>>) -> Result<(DMatrix<f64>, f64), DesignError> {
+        let n = self.plant.a.nrows();
+        let t = coordinates.cloned().unwrap_or_else(|| DMatrix::identity(n, n));
+        let singular = || DesignError::NotVerified { alpha, what: "the coordinates".into(), margin: 0.0 };
+        let t_inv = t.clone().try_inverse().ok_or_else(singular)?;
+        let a = &t_inv * &self.plant.a * &t + DMatrix::identity(n, n) * (0.5 * alpha);
+        let (c, g1) = (&self.c * &t, &t_inv * &self.g1);
+        let e1 = &self.plant.e1 * &t;
         let e1 = over(&e1.transpose(), &factor("E1", &(&e1 * e1.transpose()))?).transpose();
+        let q = e1.nrows();
         let mut problem = Problem::new();
         let p = problem.symmetric(n);
-        let x = problem.symmetric(e1.nrows());
+        let x = problem.symmetric(q);
         // divided by α, so that it says the same at every rate
-        let decay = Affine::constant(c.transpose() * &c) - (&p * &a).plus_transpose().scaled(1.0 / alpha);
-        let driven = (&p * &g1).transpose().scaled(1.0 / alpha);
+        let decay = Affine::constant(c.transpose() * &c) - (1.0 / alpha) * (&p * &a).plus_transpose();
+        let driven = (1.0 / alpha) * (&p * &g1).transpose();
         let seven = Affine::symmetric_block(&[vec![decay], vec![driven, Affine::identity(g1.ncols())]]);
         problem.positive_by("(7)", seven, MARGIN);
         problem.positive("P ⪰ E₁ᵀXE₁", &p - &e1.transpose() * &x * &e1);
-        let q = e1.nrows();
-        let row = |i: usize| DMatrix::from_fn(1, q, |_, j| if i == j { 1.0 } else { 0.0 });
-        if settings.scaling {
-        problem.maximize_log_det(1.0, &x);} else {
-        problem.maximize((0..q).fold(Affine::zeros(1, 1), |sum, i| sum + &row(i) * &x * &row(i).transpose()));}
-        match problem.solve(settings)? {
-            Outcome::Optimal(s) => {println!("iterations {} {}", s.iterations, s.seconds); Ok((t_inv.transpose() * s.value(&p) * &t_inv, s.seconds))}
+        if coordinates.is_some() {
+            problem.maximize(x.trace());
+        } else {
+            problem.maximize_log_det(1.0, &x);
+        }
+        let settings = Settings { scaling: coordinates.is_none(), ..Settings::default() };
+        match problem.solve(&settings)? {
+            Outcome::Optimal(s) => Ok((t_inv.transpose() * s.value(&p) * &t_inv, s.seconds)),
             other => Err(DesignError::refusal(alpha, other)),
         }
+    }
+
+    /// Volume of z's ellipsoid at the optimum, from the Riccati equation.
+    fn best_volume(&self, alpha: f64) -> Option<f64> {
+        let log_det = log_det_shadow(&self.plant.e1, &self.riccati(alpha)?)?;
+        Some(unit_ball(self.plant.e1.nrows()) * (-0.5 * log_det).exp())
     }
 }
 
@@ -128,14 +146,10 @@ pub fn design_continuous(plant: &Plant, alpha: f64) -> Result<ContinuousDesign, 
         return Err(DesignError::Rate(alpha));
     }
     let unit = Unit::of(plant)?;
-    let n = plant.a.nrows();
     let not_verified = |what: &str, margin| DesignError::NotVerified { alpha, what: what.into(), margin };
+    // without a reference nothing stabilises this plant at this rate, and the program says why
     let reference = unit.riccati(alpha);
-    let (p, solve_s) = match &reference {
-        Some(t) => unit.solve(alpha, t, &Settings { scaling: false, ..Settings::default() })?,
-        // nothing stabilises this plant at this rate: the program says why
-        None => unit.solve(alpha, &DMatrix::identity(n, n), &Settings::default())?,
-    };
+    let (p, solve_s) = unit.solve(alpha, reference.as_ref())?;
     let p = (&p + p.transpose()) * 0.5;
     let y = unit.best_y(alpha);
     let gain = p.clone().cholesky().ok_or_else(|| not_verified("P", verify::margin(&p)))?.solve(&y);
@@ -163,21 +177,132 @@ fn log_det_shadow(e1: &DMatrix<f64>, t: &DMatrix<f64>) -> Option<f64> {
     Some(-spread.cholesky()?.l_dirty().diagonal().iter().map(|d| 2.0 * d.ln()).sum::<f64>())
 }
 
+/// The smallest and the fastest design up to `fastest` (1/s), and for every μ the rate with the least J_μ (eq. 25).
+///
+/// # Errors
+/// A plant that does not fit, a rate that is not positive, or no observer at any rate.
+pub fn choose_rates(plant: &Plant, fastest: f64, mus: &[f64]) -> Result<(TradeOff, Vec<f64>), DesignError> {
+    if !fastest.is_finite() || fastest <= 0.0 {
+        return Err(DesignError::Rate(fastest));
+    }
+    let unit = Unit::of(plant)?;
+    let volume = |alpha: f64| unit.best_volume(alpha).unwrap_or(f64::INFINITY);
+    // rates matter by their ratio; the volume runs to infinity at zero
+    let grid: Vec<f64> = (0..=FRONT).map(|k| fastest * SLOWEST.powf(1.0 - k as f64 / FRONT as f64)).collect();
+    let mut front: Vec<(f64, f64)> = grid.iter().map(|&a| (a, volume(a))).filter(|p| p.1.is_finite()).collect();
+    let refine = |front: &[(f64, f64)], at: f64, cost: &dyn Fn((f64, f64)) -> f64| {
+        let k = front.iter().position(|p| p.0 == at).unwrap_or(0);
+        let (lo, hi) = (front[k.saturating_sub(1)].0, front[(k + 1).min(front.len() - 1)].0);
+        let log = minimise(lo.ln(), hi.ln(), 1e-4, |x| cost((x.exp(), volume(x.exp()))));
+        // at an end of the range the end itself may be best
+        [(at, volume(at)), (log.exp(), volume(log.exp()))].into_iter().min_by(|a, b| cost(*a).total_cmp(&cost(*b)))
+    };
+    let coarse = TradeOff::of(&front).ok_or_else(|| DesignError::Infeasible {
+        alpha: fastest,
+        why: "the plant is not detectable, or a state is not disturbed".into(),
+    })?;
+    front.extend(refine(&front, coarse.smallest.0, &|p| p.1));
+    front.sort_by(|a, b| a.0.total_cmp(&b.0));
+    let trade = TradeOff::of(&front).unwrap_or(coarse);
+    let chosen = mus.iter().filter_map(|&mu| {
+        let (at, _) = trade.choose(mu, &front)?;
+        Some(refine(&front, at, &|p| trade.cost(mu, p))?.0)
+    });
+    Ok((trade, chosen.collect()))
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
     use crate::observers::quadratic_bounded::paper::hummingbird;
+    use nalgebra::dmatrix;
 
     #[test]
-    fn explore() {
+    fn published_volumes() {
         for (alpha, expected) in
-            [(0.05, 0.0329), (0.1, 0.01032), (0.17, 0.00726), (1.0, 0.7596), (2.0, 14.14), (2.77, 45.8), (10.0, 2659.9), (20.0, 0.0)]
+            [(0.05, 0.0329), (0.1, 0.01032), (0.17, 0.00726), (1.0, 0.7596), (2.0, 14.14), (10.0, 2659.9)]
         {
-            let t = std::time::Instant::now();
-            match design_continuous(&hummingbird(3), alpha) {
-                Ok(d) => println!("{alpha}: {} vs {expected} ratio {:.5} margin {:.2e} solve {:.3} all {:?}", d.volume, d.volume / expected, d.margin, d.solve_s, t.elapsed()),
-                Err(e) => println!("{alpha}: {e} {:?}", t.elapsed()),
-            }
+            let d = design_continuous(&hummingbird(3), alpha).unwrap();
+            println!("{alpha}: {} {} {} s", d.volume, d.margin, d.solve_s);
+            assert!((d.volume / expected - 1.0).abs() < 1e-3, "α {alpha}: {}", d.volume);
+            assert!(d.margin > 0.0);
         }
+    }
+
+    #[test]
+    fn published_trade_offs() {
+        let plant = hummingbird(3);
+        let (trade, chosen) = choose_rates(&plant, 20.0, &[0.95, 0.2]).unwrap();
+        println!("{trade:?} {chosen:?}");
+        assert!((trade.smallest.0 - 0.173).abs() < 0.002);
+        assert!((chosen[0] - 2.77).abs() < 0.02 * 2.77);
+        assert!((design_continuous(&plant, chosen[0]).unwrap().volume / 45.8 - 1.0).abs() < 0.02);
+        assert!(chosen[1] > 19.9);
+    }
+
+    /// One axis: (p, d), both measured.
+    fn axis() -> Plant {
+        Plant {
+            a: dmatrix![0.0, 1.0; 0.0, 0.0],
+            w1: dmatrix![0.0; 1.0],
+            q1: dmatrix![0.04],
+            c: dmatrix![1.0, 0.0; 0.0, 1.0],
+            w2: DMatrix::identity(2, 2),
+            q2: dmatrix![4.0, 0.0; 0.0, 1.0],
+            e1: dmatrix![0.0, 1.0],
+        }
+    }
+
+    #[test]
+    fn the_program_as_it_stands_finds_what_the_riccati_equation_finds() {
+        for alpha in [0.1, 1.0, 10.0] {
+            let plant = axis();
+            let unit = Unit::of(&plant).unwrap();
+            let (p, _) = unit.solve(alpha, None).unwrap();
+            let log_det = projected(&p, &plant.e1).unwrap()[(0, 0)].ln();
+            let expected = log_det_shadow(&plant.e1, &unit.riccati(alpha).unwrap()).unwrap();
+            assert!((log_det - expected).abs() < 1e-5, "{log_det} {expected}");
+        }
+    }
+
+    #[test]
+    fn units_do_not_matter() {
+        let plant = axis();
+        let reference = design_continuous(&plant, 2.0).unwrap();
+        // momentum in µN·s, force in MN
+        let d = dmatrix![1e6, 0.0; 0.0, 1e-6];
+        let d_inv = dmatrix![1e-6, 0.0; 0.0, 1e6];
+        let scaled = Plant {
+            a: &d * &plant.a * &d_inv,
+            w1: &d * &plant.w1,
+            c: &plant.c * &d_inv,
+            e1: &plant.e1 * &d_inv,
+            ..plant
+        };
+        let other = design_continuous(&scaled, 2.0).unwrap();
+        assert!((other.volume / reference.volume - 1.0).abs() < 1e-4);
+        assert!((&d_inv * &other.gain - &reference.gain).amax() < 1e-3 * reference.gain.amax());
+        // and where the program has no reference to lean on
+        let (p, _) = Unit::of(&scaled).unwrap().solve(2.0, None).unwrap();
+        assert!((projected(&p, &scaled.e1).unwrap()[(0, 0)].ln() - reference.log_det).abs() < 1e-4);
+    }
+
+    #[test]
+    fn an_unobservable_drift_is_infeasible_and_says_so() {
+        let plant = Plant { c: dmatrix![0.0, 1.0], w2: dmatrix![1.0], q2: dmatrix![1.0], ..axis() };
+        let error = design_continuous(&plant, 0.5).unwrap_err();
+        assert!(matches!(error, DesignError::Infeasible { .. }), "{error}");
+        assert!(matches!(choose_rates(&plant, 20.0, &[0.5]), Err(DesignError::Infeasible { .. })));
+    }
+
+    #[test]
+    fn wrong_rates_and_plants_are_refused() {
+        assert_eq!(design_continuous(&axis(), 0.0), Err(DesignError::Rate(0.0)));
+        assert!(matches!(design_continuous(&axis(), f64::NAN), Err(DesignError::Rate(_))));
+        let plant = Plant { q2: -axis().q2, ..axis() };
+        assert!(matches!(design_continuous(&plant, 1.0), Err(DesignError::Plant(_))));
+        // an output without noise: R is singular
+        let plant = Plant { w2: dmatrix![1.0, 0.0; 0.0, 0.0], ..axis() };
+        assert!(matches!(design_continuous(&plant, 1.0), Err(DesignError::Plant(_))));
     }
 }

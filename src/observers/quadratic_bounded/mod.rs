@@ -25,12 +25,14 @@ mod plant;
 mod riccati;
 mod sampled;
 mod synthesis;
+mod tradeoff;
 
 pub use cache::{Cache, design_cached};
 pub use channels::{Channels, REGISTRATION};
-pub use design::{ContinuousDesign, design_continuous};
+pub use design::{ContinuousDesign, choose_rates, design_continuous};
 pub use filter::Filter;
 pub use online::WrenchObserver;
 pub use plant::{NoiseBlock, Plant, PlantError, SampledPlant, half_widths, projected, volume};
 pub use certify::Coverage;
 pub use sampled::{Certificate, DesignError, PartialStep, SampledDesign, design_sampled, step_nodes};
+pub use tradeoff::TradeOff;

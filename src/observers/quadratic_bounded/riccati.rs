@@ -14,8 +14,14 @@
 //! ```
 //!
 //! An S ≻ 0 that satisfies it bounds the covariance of its own filter, so the stabilising solution S₊ of the equation
-//! lies below it: S₊ ⪯ S. Hence P₊ = S₊⁻¹ is the largest P of all, and det X is largest for it whatever E₁ is. The
-//! semidefinite program is solved in the coordinates of P₊, in which its own answer is the identity, and must agree.
+//! lies below it: S₊ ⪯ S. Hence P₊ = S₊⁻¹ is the largest P of all, and det X is largest for it whatever E₁ is.
+//!
+//! What is solved is the equation in P, multiplied out: −A_αᵀ·P − P·A_α − α⁻¹·P·G₁G₁ᵀ·P + α·CᵀR⁻¹C = 0, whose stabilising
+//! solution is P₊ (its closed loop −A_α − α⁻¹·G₁G₁ᵀ·P₊ is similar to (A_α − α·S₊·CᵀR⁻¹C)ᵀ). At high rates the
+//! disturbances hardly matter and it tends to a Lyapunov equation, where the equation in S degenerates.
+//!
+//! The semidefinite program is solved in the coordinates of P₊, in which its own answer is the identity, and must
+//! agree; a front over many rates is computed from the equation alone.
 
 use nalgebra::DMatrix;
 
