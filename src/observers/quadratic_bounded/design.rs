@@ -240,6 +240,57 @@ mod tests {
         assert!(chosen[1] > 19.9);
     }
 
+    /// The paper's experiment: 2 N steps of force, outputs at 100 Hz with errors uniform in Q₂'s ellipsoid.
+    ///
+    /// The continuous observer runs by the exact solution of its own equation under held outputs.
+    #[test]
+    fn the_papers_steps_are_followed() {
+        use rand::{RngExt, SeedableRng, rngs::StdRng};
+        let plant = hummingbird(3);
+        let (n, dt) = (plant.a.nrows(), 0.01);
+        let gain = design_continuous(&plant, 2.77).unwrap().gain;
+        // exp([A+LC, L; 0, 0]·Δ) = [e^{(A+LC)Δ}, ∫e^{(A+LC)s}ds·L; 0, I]
+        let mut joint = DMatrix::zeros(n + 9, n + 9);
+        joint.view_mut((0, 0), (n, n)).copy_from(&(&plant.a + &gain * &plant.c));
+        joint.view_mut((0, n), (n, 9)).copy_from(&gain);
+        let joint = (joint * dt).exp();
+        let (f, h) = (joint.view((0, 0), (n, n)).clone_owned(), joint.view((0, n), (n, 9)).clone_owned());
+        let r = factor("Q2", &plant.q2).unwrap();
+        let mut rng = StdRng::seed_from_u64(58);
+        let mut normal = || {
+            let (a, b): (f64, f64) = (rng.random_range(f64::MIN_POSITIVE..1.0), rng.random());
+            (-2.0 * a.ln()).sqrt() * (std::f64::consts::TAU * b).cos()
+        };
+        // a point uniform in the unit ball of R⁹ is the first part of one uniform on the sphere of R¹¹
+        let mut noise = || {
+            let v = nalgebra::DVector::from_fn(11, |_, _| normal()).normalize();
+            r.solve_upper_triangular(&DMatrix::from_column_slice(9, 1, &v.as_slice()[..9])).unwrap()
+        };
+        let (mut truth, mut estimate) = (DMatrix::<f64>::zeros(n, 1), DMatrix::<f64>::zeros(n, 1));
+        let (mut sums, mut count) = ([0.0; 3], 0);
+        for k in 0..2000 {
+            let t = k as f64 * dt;
+            // held from 5 to 15 s: up, down, off; each for 5 s
+            let level = [0.0, 2.0, -2.0, 0.0][(t / 5.0) as usize];
+            (0..3).for_each(|i| truth[(6 + i, 0)] = level);
+            let error = noise();
+            assert!((error.transpose() * &plant.q2 * &error)[(0, 0)] <= 1.0 + 1e-9);
+            let y = &plant.c * &truth + error;
+            estimate = &f * &estimate - &h * &y;
+            // truth: p grows by d·Δ, the known input is taken out on both sides
+            for i in 0..6 {
+                truth[(i, 0)] += truth[(6 + i, 0)] * dt;
+            }
+            if t % 5.0 > 3.0 {
+                (0..3).for_each(|i| sums[i] += (estimate[(6 + i, 0)] - level).powi(2));
+                count += 1;
+            }
+        }
+        let rmse = sums.map(|s: f64| (s / count as f64).sqrt());
+        println!("force RMSE after settling: {rmse:.3?} N");
+        assert!(rmse.iter().all(|r| *r <= 0.35));
+    }
+
     /// One axis: (p, d), both measured.
     fn axis() -> Plant {
         Plant {
