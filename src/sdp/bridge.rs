@@ -34,6 +34,8 @@ pub(super) struct Raw {
     pub(super) x: Vec<f64>,
     /// The multiplier of each block, in the order of [`Problem::blocks`].
     pub(super) duals: Vec<DMatrix<f64>>,
+    /// What each block's margin takes from ⟨F(x), Z⟩: margin·tr Z in the scaled units in which it is asked for.
+    pub(super) margin_pulls: Vec<f64>,
     pub(super) iterations: u32,
     pub(super) seconds: f64,
 }
@@ -64,6 +66,13 @@ impl Rows {
     }
 }
 
+/// Where a block's packed triangle starts, its order and its margin.
+struct Start {
+    first: usize,
+    n: usize,
+    margin: f64,
+}
+
 /// Weight of an entry in the packed triangle.
 fn weight(i: usize, j: usize) -> f64 {
     if i == j { 1.0 } else { SQRT_2 }
@@ -86,7 +95,7 @@ pub(super) fn solve(problem: &Problem, scales: &Scales, settings: &Settings) -> 
         let margin = constraint.map_or(0.0, |c| c.margin);
         // a log det's block holds twice the rows; its upper left corner is packed in the same places
         let first = rows.open_block(if constraint.is_some() { n } else { 2 * n });
-        starts.push((first, n));
+        starts.push(Start { first, n, margin });
         for j in 0..n {
             for i in 0..=j {
                 let shift = if i == j { margin } else { 0.0 };
@@ -109,7 +118,7 @@ pub(super) fn solve(problem: &Problem, scales: &Scales, settings: &Settings) -> 
         q[k] = -v * c[k];
     }
     let single = objective.linear.is_empty() && objective.log_dets.len() == 1;
-    for ((log_weight, _), &(first, n)) in objective.log_dets.iter().zip(&starts[problem.constraints().len()..]) {
+    for ((log_weight, _), &Start { first, n, .. }) in objective.log_dets.iter().zip(&starts[problem.constraints().len()..]) {
         let helpers = q.len();
         let z = |i: usize, j: usize| helpers + packed(j, i); // i ≥ j
         let t = helpers + n * (n + 1) / 2;
@@ -146,7 +155,7 @@ fn run(
     q: Vec<f64>,
     rows: Rows,
     scales: &Scales,
-    starts: &[(usize, usize)],
+    starts: &[Start],
     settings: &Settings,
 ) -> Result<Raw, ProblemError> {
     let refused = |e: &dyn std::fmt::Display| ProblemError::Solver(e.to_string());
@@ -171,16 +180,17 @@ fn run(
         (_, other) => Status::Stopped(format!("{other:?}")),
     };
     let x = scales.unknowns.iter().zip(&solver.solution.x).map(|(c, x)| c * x).collect();
+    let dual = |at: usize| solver.solution.z.get(at).copied().unwrap_or(0.0);
     let duals = starts
         .iter()
         .zip(&scales.blocks)
-        .map(|(&(first, n), d)| {
+        .map(|(&Start { first, n, .. }, d)| {
             DMatrix::from_fn(n, n, |i, j| {
-                let at = first + packed(i.min(j), i.max(j));
-                let z = solver.solution.z.get(at).copied().unwrap_or(0.0);
-                z * d[i] * d[j] * if i == j { 1.0 } else { FRAC_1_SQRT_2 }
+                dual(first + packed(i.min(j), i.max(j))) * d[i] * d[j] * if i == j { 1.0 } else { FRAC_1_SQRT_2 }
             })
         })
         .collect();
-    Ok(Raw { status, x, duals, iterations: solver.solution.iterations, seconds: solver.solution.solve_time })
+    let trace = |s: &Start| (0..s.n).map(|i| dual(s.first + packed(i, i))).sum::<f64>();
+    let margin_pulls = starts.iter().map(|s| s.margin * trace(s)).collect();
+    Ok(Raw { status, x, duals, margin_pulls, iterations: solver.solution.iterations, seconds: solver.solution.solve_time })
 }

@@ -105,6 +105,20 @@ impl Affine {
         self + self.transpose()
     }
 
+    /// The trace, as a 1×1 expression.
+    pub fn trace(&self) -> Self {
+        let (rows, cols) = self.shape();
+        if self.fault.is_some() || rows != cols {
+            return self.faulty("trace", (rows, cols), (cols, 1));
+        }
+        let sum = DMatrix::from_element(1, 1, self.constant.trace());
+        self.mapped(sum, |i, j, v, out| {
+            if i == j {
+                *out.entry((0, 0)).or_insert(0.0) += v;
+            }
+        })
+    }
+
     pub fn scaled(&self, by: f64) -> Self {
         if by == 0.0 {
             let mut out = Self::zeros(self.constant.nrows(), self.constant.ncols());
@@ -365,6 +379,8 @@ mod tests {
             let expected = &a * &x * &b - &c * s + &c;
             prop_assert!((e.value(&values) - &expected).amax() < 1e-12);
             prop_assert!((e.transpose().value(&values) - expected.transpose()).amax() < 1e-12);
+            let square = &e * &c.transpose();
+            prop_assert!((square.trace().value(&values)[(0, 0)] - (expected * c.transpose()).trace()).abs() < 1e-11);
         }
 
         #[test]

@@ -54,7 +54,7 @@ impl Solution {
 pub struct Infeasible {
     /// Zᵢ by constraint name.
     pub multipliers: Vec<(String, DMatrix<f64>)>,
-    /// Σ⟨Fᵢ₀, Zᵢ⟩ as a share of Σ‖Fᵢ₀‖·‖Zᵢ‖: negative.
+    /// Σ⟨Fᵢ₀, Zᵢ⟩, less what margins ask for, as a share of Σ‖Fᵢ₀‖·‖Zᵢ‖: negative.
     pub gap: f64,
     /// The largest |Σ⟨Fᵢₖ, Zᵢ⟩| over k, as a share of Σ‖Fᵢₖ‖·‖Zᵢ‖: zero but for rounding.
     pub residual: f64,
@@ -63,17 +63,17 @@ pub struct Infeasible {
 }
 
 impl Infeasible {
-    pub(super) fn new(problem: &Problem, duals: Vec<DMatrix<f64>>) -> Self {
+    pub(super) fn new(problem: &Problem, duals: Vec<DMatrix<f64>>, margin_pulls: &[f64]) -> Self {
         let (mut constant, mut constant_scale) = (0.0, 0.0);
         let mut by_unknown = vec![(0.0, 0.0); problem.unknown_count()];
         let mut positivity = f64::INFINITY;
         let mut multipliers = Vec::new();
-        for ((name, expr), z) in problem.blocks().zip(duals) {
+        for (((name, expr), z), pull) in problem.blocks().zip(duals).zip(margin_pulls) {
             let norm = z.norm();
             if norm > 0.0 {
                 positivity = positivity.min(verify::smallest_eigenvalue(&z) / norm);
             }
-            constant += expr.constant_part().dot(&z);
+            constant += expr.constant_part().dot(&z) - pull;
             constant_scale += expr.constant_part().norm() * norm;
             for (&k, f) in expr.terms() {
                 by_unknown[k].0 += f.iter().map(|(&at, v)| v * z[at]).sum::<f64>();

@@ -318,7 +318,7 @@ impl Problem {
                 None => Outcome::Inaccurate { reason: "the log det's matrix is not positive".into(), best: None },
             },
             bridge::Status::PrimalInfeasible => {
-                let certificate = Infeasible::new(self, raw.duals);
+                let certificate = Infeasible::new(self, raw.duals, &raw.margin_pulls);
                 if certificate.holds() {
                     Outcome::Infeasible(certificate)
                 } else {

@@ -4,6 +4,7 @@
 //! |---|---|
 //! | `plant` | plants and their bounded disturbances, checked; ellipsoids and their volumes |
 //! | `sampled` | the design that runs: a certificate for held samples (DESIGN §6.2) |
+//! | `design` | the paper's continuous design; `paper`: its plant; `riccati`: its closed form |
 //! | `synthesis` | its semidefinite programs |
 //! | `certify` | the proof of that certificate at every step length; `flow`, `jet`: what it computes with |
 //! | `cache` | designs kept on disk |
@@ -14,18 +15,24 @@
 mod cache;
 mod certify;
 mod channels;
+mod design;
 mod filter;
 mod flow;
 mod jet;
 mod online;
+pub mod paper;
 mod plant;
+mod riccati;
 mod sampled;
 mod synthesis;
+mod tradeoff;
 
 pub use cache::{Cache, design_cached};
 pub use certify::Coverage;
 pub use channels::{Channels, REGISTRATION};
+pub use design::{ContinuousDesign, choose_rates, design_continuous};
 pub use filter::Filter;
 pub use online::WrenchObserver;
 pub use plant::{NoiseBlock, Plant, PlantError, SampledPlant, half_widths, projected, volume};
 pub use sampled::{Certificate, DesignError, PartialStep, SampledDesign, design_sampled, step_nodes};
+pub use tradeoff::TradeOff;

@@ -163,7 +163,7 @@ pub fn volume(p_z: &DMatrix<f64>) -> Option<(f64, f64)> {
 }
 
 /// Volume of the unit ball in q dimensions: B_q = (2π/q)·B_{q−2}, B₀ = 1, B₁ = 2.
-fn unit_ball(q: usize) -> f64 {
+pub(super) fn unit_ball(q: usize) -> f64 {
     match q {
         0 => 1.0,
         1 => 2.0,

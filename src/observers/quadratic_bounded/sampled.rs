@@ -2,7 +2,7 @@ use super::certify::{Coverage, Frame, Growth, Node, Verdict};
 use super::flow::Flow;
 use super::plant::{PlantError, SampledPlant, half_widths, projected, volume};
 use super::synthesis;
-use crate::sdp::{ProblemError, verify};
+use crate::sdp::{Outcome, ProblemError, verify};
 use nalgebra::DMatrix;
 
 /// Why there is no design.
@@ -28,6 +28,18 @@ pub enum DesignError {
     NotVerified { alpha: f64, what: String, margin: f64 },
     #[error("the design at α = {alpha} 1/s does not hold at a step of {dt_s} s, between its nodes")]
     BetweenNodes { alpha: f64, dt_s: f64 },
+}
+
+impl DesignError {
+    /// Why an outcome is no design.
+    pub(super) fn refusal(alpha: f64, outcome: Outcome) -> Self {
+        match outcome {
+            Outcome::Infeasible(why) => Self::Infeasible { alpha, why: why.to_string() },
+            Outcome::Unbounded(why) => Self::Unbounded { alpha, why: why.to_string() },
+            Outcome::Inaccurate { reason, .. } => Self::Inaccurate { alpha, why: reason },
+            Outcome::Optimal(_) => Self::Inaccurate { alpha, why: "an optimum was refused".into() },
+        }
+    }
 }
 
 /// The independent check of a sampled design.

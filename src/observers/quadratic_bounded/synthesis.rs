@@ -83,7 +83,7 @@ fn decay(prepared: &Prepared<'_>, nodes: &[f64], haste: f64) -> Result<(Core, f6
     }
     let solution = match problem.solve(&Settings::default())? {
         Outcome::Optimal(s) => s,
-        other => return Err(refusal(alpha, other)),
+        other => return Err(DesignError::refusal(alpha, other)),
     };
     let p = solution.value(&p);
     // whatever the solver gave, `frame` refuses a P that is not positive
@@ -105,15 +105,6 @@ fn decay(prepared: &Prepared<'_>, nodes: &[f64], haste: f64) -> Result<(Core, f6
 
 fn numbers<'a>(solution: &'a Solution, scalars: &'a [Affine]) -> impl Iterator<Item = f64> + 'a {
     scalars.iter().map(|w| solution.value(w)[(0, 0)])
-}
-
-fn refusal(alpha: f64, outcome: Outcome) -> DesignError {
-    match outcome {
-        Outcome::Infeasible(why) => DesignError::Infeasible { alpha, why: why.to_string() },
-        Outcome::Unbounded(why) => DesignError::Unbounded { alpha, why: why.to_string() },
-        Outcome::Inaccurate { reason, .. } => DesignError::Inaccurate { alpha, why: reason },
-        Outcome::Optimal(_) => DesignError::Inaccurate { alpha, why: "an optimum was refused".into() },
-    }
 }
 
 /// The step inequality while it is put together: one column of blocks for the error and one for each disturbance.
@@ -208,7 +199,7 @@ fn partial_step(
         // near-optimal is enough here: the proof below decides
         let solution = match problem.solve(&Settings { passes: 1, ..Settings::default() })? {
             Outcome::Optimal(s) | Outcome::Inaccurate { best: Some(s), .. } => s,
-            other => return Err(refusal(prepared.alpha, other)),
+            other => return Err(DesignError::refusal(prepared.alpha, other)),
         };
         *seconds += solution.seconds;
         best.gains.push(frame.gain_back(&solution.value(&gain)));
