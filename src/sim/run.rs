@@ -114,6 +114,10 @@ impl Run {
         self.duration_s
     }
 
+    pub fn vehicle_count(&self) -> u8 {
+        self.units.len() as u8
+    }
+
     /// State of a vehicle after its last loop.
     pub fn moment(&self, vehicle: u8) -> Option<&Moment> {
         self.units.get(usize::from(vehicle)).map(|u| u.vehicle.now())

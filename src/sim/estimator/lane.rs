@@ -120,9 +120,11 @@ impl Lane {
     pub fn predict(&mut self, imu: &ImuReading, dt: f64) {
         self.rate = imu.rate_frd_rads - self.gyro_bias;
         self.accel = imu.accel_frd_mps2 - self.accel_bias;
-        self.attitude *= UnitQuaternion::from_scaled_axis(self.rate * dt);
+        let turned = (imu.raw_rate_frd_rads - self.gyro_bias) * dt;
+        self.attitude *= UnitQuaternion::from_scaled_axis(turned);
         self.attitude.renormalize_fast();
-        let acceleration = self.attitude * self.accel + Vector3::z() * GRAVITY_MPS2;
+        let pushed = imu.raw_accel_frd_mps2 - self.accel_bias;
+        let acceleration = self.attitude * pushed + Vector3::z() * GRAVITY_MPS2;
         self.position += (self.velocity + acceleration * (0.5 * dt)) * dt;
         self.velocity += acceleration * dt;
         self.newest = (self.newest + 1) % HISTORY;

@@ -6,7 +6,7 @@ macro_rules! bundled {
     };
 }
 
-const BUNDLED: [(&str, &str); 10] = [
+const BUNDLED: [(&str, &str); 11] = [
     bundled!("hover"),
     bundled!("wind-steps"),
     bundled!("gusts"),
@@ -16,6 +16,7 @@ const BUNDLED: [(&str, &str); 10] = [
     bundled!("rotor-faults"),
     bundled!("sensor-faults"),
     bundled!("bad-link"),
+    bundled!("rough-sensors"),
     bundled!("px4-wind"),
 ];
 

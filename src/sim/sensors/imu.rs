@@ -45,8 +45,12 @@ pub struct Vibration {
 /// What the sensor delivers, body FRD.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct ImuReading {
+    /// After the low-pass filter: for the rate loop and the telemetry, and so it comes late.
     pub accel_frd_mps2: Vector3<f64>,
     pub rate_frd_rads: Vector3<f64>,
+    /// Before it: what an estimator integrates.
+    pub raw_accel_frd_mps2: Vector3<f64>,
+    pub raw_rate_frd_rads: Vector3<f64>,
 }
 
 #[derive(Debug, Clone)]
@@ -88,38 +92,37 @@ impl Imu {
     }
 
     pub fn read(&mut self, truth: &Truth, fault: &ImuError) -> ImuReading {
-        let mut accel = truth.specific_force_frd_mps2;
-        let mut rate = truth.rate_frd_rads;
+        let mut raw_accel = truth.specific_force_frd_mps2;
+        let mut raw_rate = truth.rate_frd_rads;
         if let Some(v) = self.spec.vibration {
             let (a, g) = self.shaking(&v, truth);
-            accel += a;
-            rate += g;
+            raw_accel += a;
+            raw_rate += g;
         }
-        if let Some(f) = &mut self.accel_filter {
-            accel = f.apply(accel);
-        }
-        if let Some(f) = &mut self.gyro_filter {
-            rate = f.apply(rate);
-        }
+        let accel = self.accel_filter.as_mut().map_or(raw_accel, |f| f.apply(raw_accel));
+        let rate = self.gyro_filter.as_mut().map_or(raw_rate, |f| f.apply(raw_rate));
         self.walk();
         let s = &self.spec;
         let accel_sigma = s.accel_noise_mps2.add_scalar(fault.accel_noise_mps2);
         let gyro_sigma = s.gyro_noise_rads.add_scalar(fault.gyro_noise_rads);
-        let accel = accel.component_mul(&self.accel_scale)
-            + self.accel_bias
-            + fault.accel_bias_mps2
-            + s.shape.draw3(&accel_sigma, &mut self.random);
-        let rate = rate.component_mul(&self.gyro_scale)
-            + self.gyro_bias
-            + fault.gyro_bias_rads
-            + s.shape.draw3(&gyro_sigma, &mut self.random);
+        let accel_error =
+            self.accel_bias + fault.accel_bias_mps2 + s.shape.draw3(&accel_sigma, &mut self.random);
+        let gyro_error = self.gyro_bias + fault.gyro_bias_rads + s.shape.draw3(&gyro_sigma, &mut self.random);
+        let digital_accel = |x: Vector3<f64>| {
+            (x.component_mul(&self.accel_scale) + accel_error)
+                .map(|x| quantise(x.clamp(-s.accel_range_mps2, s.accel_range_mps2), s.accel_step_mps2))
+        };
+        let digital_rate = |x: Vector3<f64>| {
+            (x.component_mul(&self.gyro_scale) + gyro_error)
+                .map(|x| quantise(x.clamp(-s.gyro_range_rads, s.gyro_range_rads), s.gyro_step_rads))
+        };
         if !fault.accel_frozen {
-            self.last.accel_frd_mps2 =
-                accel.map(|x| quantise(x.clamp(-s.accel_range_mps2, s.accel_range_mps2), s.accel_step_mps2));
+            self.last.accel_frd_mps2 = digital_accel(accel);
+            self.last.raw_accel_frd_mps2 = digital_accel(raw_accel);
         }
         if !fault.gyro_frozen {
-            self.last.rate_frd_rads =
-                rate.map(|x| quantise(x.clamp(-s.gyro_range_rads, s.gyro_range_rads), s.gyro_step_rads));
+            self.last.rate_frd_rads = digital_rate(rate);
+            self.last.raw_rate_frd_rads = digital_rate(raw_rate);
         }
         self.last
     }
