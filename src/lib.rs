@@ -22,6 +22,7 @@
 //! | [`telemetry`] | MAVLink → `Sample` → `Measurement`; clocks | `wire`, `signal`, `vehicle` |
 //! | [`pipeline`] | one vehicle's chain from frames to a snapshot; no I/O | all of the above |
 //! | [`outputs`] | snapshot → MAVLink messages | `wire`, `signal`, `pipeline` |
+//! | [`sim`] | a multirotor in software: physics, air, sensors, autopilot, MAVLink feed | `document`, `signal`, `vehicle`, `wire` |
 //! | [`config`] | TOML → checked config, every issue at once | `document`, `vehicle`, `observers`, `pipeline`, `outputs`, `wire` |
 //! | [`daemon`] | links, forwarding, recording: the only place with tokio | everything |
 //! | [`cli`] | one file per subcommand | everything |
@@ -40,6 +41,7 @@ pub mod pipeline;
 pub mod sdp;
 pub mod sets;
 pub mod signal;
+pub mod sim;
 pub mod telemetry;
 pub mod vehicle;
 pub mod wind;

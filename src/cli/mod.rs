@@ -9,6 +9,7 @@ mod logging;
 mod output;
 pub mod replay;
 pub mod run;
+pub mod sim;
 
 pub use config_args::{ConfigArgs, VehicleArg};
 pub use output::print;
@@ -35,6 +36,7 @@ enum Command {
     Run(run::RunArgs),
     Replay(replay::ReplayArgs),
     Check(check::CheckArgs),
+    Sim(sim::SimArgs),
 }
 
 /// How much is logged to standard error.
@@ -87,5 +89,6 @@ pub fn run(cli: Cli) -> Result<(), Failure> {
         Command::Run(args) => run::run(args),
         Command::Replay(args) => replay::run(&args),
         Command::Check(args) => check::run(args),
+        Command::Sim(args) => sim::run(&args),
     }
 }
