@@ -10,7 +10,7 @@ pub mod quadratic_bounded;
 mod registry;
 
 pub use options::{OptionError, OptionValue, Options};
-pub use registry::{BuildError, REGISTRY, Registration, build, find};
+pub use registry::{BuildError, Builder, REGISTRY, Registration, build, find};
 
 use crate::signal::{Estimate, Measurement, Signal};
 

@@ -16,8 +16,11 @@ pub struct Registration {
     pub needs: &'static [Channel],
     /// The keys of its config table.
     pub options: &'static [&'static str],
-    pub builder: fn(&Vehicle, &mut Options) -> Result<Box<dyn Observer>, BuildError>,
+    pub builder: Builder,
 }
+
+/// Makes an observer for a vehicle from its config table.
+pub type Builder = fn(&Vehicle, &mut Options) -> Result<Box<dyn Observer>, BuildError>;
 
 /// Every observer, one line each.
 pub const REGISTRY: &[Registration] = &[quadratic_bounded::REGISTRATION];

@@ -200,7 +200,7 @@ impl WrenchObserver {
     fn correct(&mut self, frame: &Frame, dt_s: f64) -> f64 {
         let mut worst: [f64; 2] = [0.0; 2];
         let mut shown = [f64::INFINITY; 6];
-        for i in 0..6 {
+        for (i, shown) in shown.iter_mut().enumerate() {
             let force_noise = if i < 3 { self.force_noise(frame, i) } else { 0.0 };
             let family = Family::of(i) as usize;
             let filter = &mut self.filters[i];
@@ -211,7 +211,7 @@ impl WrenchObserver {
             }
             if i < 3 {
                 let factor = self.channels.gust_factor();
-                shown[i] = factor * ((filter.state()[1] - self.residual_ned_n[i]).abs() + force_noise);
+                *shown = factor * ((filter.state()[1] - self.residual_ned_n[i]).abs() + force_noise);
             }
             filter.update(&self.outputs[i], u32::MAX, dt_s);
         }

@@ -110,12 +110,15 @@ pub struct SampledPlant {
     pub e1: DMatrix<f64>,
 }
 
+/// Factors of process and of measurement noise.
+type Factors = (Vec<DMatrix<f64>>, Vec<DMatrix<f64>>);
+
 impl SampledPlant {
     /// The unit-ball factors of the process and of the output blocks; blocks that are zero are left out.
     ///
     /// # Errors
     /// Names the first matrix whose shape, entries or definiteness do not fit.
-    pub(super) fn units(&self) -> Result<(Vec<DMatrix<f64>>, Vec<DMatrix<f64>>), PlantError> {
+    pub(super) fn units(&self) -> Result<Factors, PlantError> {
         check_plant(&self.a, &self.c, &self.e1)?;
         let all = |blocks: &[NoiseBlock], kind: &str, rows| -> Result<Vec<_>, PlantError> {
             let mut out = Vec::new();
