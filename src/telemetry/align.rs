@@ -388,8 +388,14 @@ impl Aligner {
     }
 }
 
+/// Samples further apart than this say too little about what lay between them to call anything a jump, s.
+const JUMP_MAX_DT_S: f64 = 0.15;
+
 /// Did the autopilot's estimate move in a way that its own inertial sensors contradict?
 fn jumped(last: &Measurement, m: &Measurement) -> bool {
+    if m.dt_s > JUMP_MAX_DT_S {
+        return false;
+    }
     if let (Some(a), Some(b)) = (last.attitude, m.attitude) {
         let turned = UnitQuaternion::from_scaled_axis(0.5 * (last.imu.rate_frd_rads + m.imu.rate_frd_rads) * m.dt_s);
         // two samples say little about a fast turn between them: allow a quarter of it

@@ -7,6 +7,7 @@ use super::{ConfigArgs, Failure};
 use crate::pipeline::{Event, Fleet};
 use crate::vehicle;
 use crate::wire::tlog::{LogFormat, TlogError, TlogReader};
+use crate::wire::stats::LinkStats;
 use crate::wire::{self, FrameRef};
 use estimates::EstimatesCsv;
 use serde::Serialize;
@@ -44,6 +45,11 @@ struct Report {
     duration_s: f64,
     frames: u64,
     bad_frames: u64,
+    /// Frames that the sequence numbers miss, late and doubled ones not counted.
+    lost_frames: u64,
+    late_frames: u64,
+    /// The same by the common reckoning, which takes every late frame for a loss of up to 255.
+    naive_lost_frames: u64,
     times_real_time: f64,
     vehicles: Vec<VehicleSummary>,
 }
@@ -70,19 +76,13 @@ pub fn run(args: &ReplayArgs) -> Result<(), Failure> {
 
     let started = Instant::now();
     let mut summary = Summary::default();
-    let (mut frames, mut bad_frames) = (0_u64, 0_u64);
+    let mut link = LinkStats::new();
     let mut span: Option<(u64, u64)> = None;
     let mut written = Ok(());
     while let Some(record) = reader.next().map_err(|e| failed(&e))? {
-        let frame = match record.event {
-            wire::Event::Frame(f) => f,
-            wire::Event::Bad(_) => {
-                bad_frames += 1;
-                continue;
-            }
-        };
-        frames += 1;
         let at = record.received_unix_us.unwrap_or(0);
+        link.event(at, &record.event);
+        let wire::Event::Frame(frame) = record.event else { continue };
         if record.received_unix_us.is_some() {
             span = Some(span.map_or((at, at), |(a, b)| (a.min(at), b.max(at))));
         }
@@ -110,10 +110,13 @@ pub fn run(args: &ReplayArgs) -> Result<(), Failure> {
         model: name,
         model_assumed,
         duration_s,
-        frames,
-        bad_frames,
+        frames: link.totals().frames,
+        bad_frames: link.bad_frames(),
+        lost_frames: link.losses().lost,
+        late_frames: link.losses().late,
+        naive_lost_frames: link.losses().naive_lost,
         times_real_time: duration_s / started.elapsed().as_secs_f64().max(1e-9),
-        vehicles: summary.vehicles(),
+        vehicles: summary.vehicles(&link),
     };
     super::print(&if args.json { json(&report) } else { text(&report, reader.format()) })
 }
@@ -152,8 +155,10 @@ fn text(r: &Report, format: LogFormat) -> String {
     use std::fmt::Write;
     let mut s = String::new();
     let _ = write!(s, "{}: {:.0} s, {} frames", r.log.display(), r.duration_s, r.frames);
-    if r.bad_frames > 0 {
-        let _ = write!(s, ", {} bad", r.bad_frames);
+    for (n, what) in [(r.bad_frames, "bad"), (r.lost_frames, "lost"), (r.late_frames, "late")] {
+        if n > 0 {
+            let _ = write!(s, ", {n} {what}");
+        }
     }
     let _ = match format {
         LogFormat::Stamped => writeln!(s, ", replayed {:.0}× faster than it was flown", r.times_real_time),

@@ -1,5 +1,7 @@
 use crate::pipeline::{Snapshot, VehicleId, VehicleKind};
 use crate::signal::{Stamp, Verdict};
+use crate::wire::message_info;
+use crate::wire::stats::{LinkStats, Source};
 use serde::Serialize;
 use std::collections::BTreeMap;
 
@@ -49,6 +51,7 @@ pub struct VehicleSummary {
     pub first_boot_s: Option<f64>,
     pub last_boot_s: f64,
     pub steps: u64,
+    pub streams: Vec<Stream>,
     /// Share of steps with a wind estimate.
     pub wind_share: f64,
     /// Steps by verdict.
@@ -56,6 +59,18 @@ pub struct VehicleSummary {
     pub wind: Vec<WindRow>,
     pub notices: Vec<Notice>,
 }
+
+/// One message that observers live on.
+#[derive(Debug, Serialize)]
+pub struct Stream {
+    pub message: &'static str,
+    pub rate_hz: f64,
+    pub jitter_ms: f64,
+}
+
+/// HIGHRES_IMU, RAW_IMU, SCALED_IMU; ATTITUDE_QUATERNION, ATTITUDE; LOCAL_POSITION_NED, ODOMETRY, GLOBAL_POSITION_INT;
+/// ACTUATOR_OUTPUT_STATUS, SERVO_OUTPUT_RAW; SCALED_PRESSURE, BATTERY_STATUS.
+const STREAMS: [u32; 12] = [105, 27, 26, 31, 30, 32, 331, 33, 375, 36, 29, 147];
 
 #[derive(Debug, Serialize)]
 pub struct Notice {
@@ -125,13 +140,27 @@ impl Summary {
         x.force += s.wrench.map_or(0.0, |w| w.force_ned_n.norm());
     }
 
-    pub fn vehicles(&self) -> Vec<VehicleSummary> {
-        self.tracks.iter().map(|(id, t)| t.summary(*id)).collect()
+    pub fn vehicles(&self, link: &LinkStats) -> Vec<VehicleSummary> {
+        self.tracks.iter().map(|(id, t)| t.summary(*id, streams(*id, link))).collect()
     }
 }
 
+fn streams(id: VehicleId, link: &LinkStats) -> Vec<Stream> {
+    let Some(source) = link.source(Source { system: id.system, component: id.component }) else { return Vec::new() };
+    let of = |message: &u32| {
+        let cadence = source.message(*message)?;
+        let rate_hz = cadence.mean_rate_hz();
+        (rate_hz > 0.0).then(|| Stream {
+            message: message_info(*message).map_or("?", |m| m.name),
+            rate_hz,
+            jitter_ms: cadence.jitter_s() * 1e3,
+        })
+    };
+    STREAMS.iter().filter_map(of).collect()
+}
+
 impl Track {
-    fn summary(&self, id: VehicleId) -> VehicleSummary {
+    fn summary(&self, id: VehicleId, streams: Vec<Stream>) -> VehicleSummary {
         let kind = self.kind.unwrap_or(VehicleKind { autopilot: 0, mav_type: 0 });
         VehicleSummary {
             system: id.system,
@@ -145,6 +174,7 @@ impl Track {
             first_boot_s: self.first.map(Stamp::secs),
             last_boot_s: self.last.secs(),
             steps: self.steps,
+            streams,
             wind_share: if self.steps > 0 { self.with_wind as f64 / self.steps as f64 } else { 0.0 },
             verdicts: self.verdicts.clone(),
             wind: self.wind_rows(),
@@ -193,6 +223,11 @@ impl VehicleSummary {
             "vehicle {}/{}: {}, model {model}, {} measurements",
             self.system, self.component, self.autopilot, self.steps
         );
+        if !self.streams.is_empty() {
+            let rates: Vec<String> =
+                self.streams.iter().map(|x| format!("{} {}", x.message, rate(x.rate_hz))).collect();
+            let _ = writeln!(s, "  streams   {} Hz", rates.join(", "));
+        }
         if self.steps > 0 {
             let share = |n: u64| 100.0 * n as f64 / self.steps as f64;
             let verdicts: Vec<String> =
@@ -228,6 +263,11 @@ impl VehicleSummary {
         }
         s
     }
+}
+
+/// Two significant digits, as far as a stream's rate deserves them.
+fn rate(hz: f64) -> String {
+    if hz < 9.95 { format!("{hz:.1}") } else { format!("{hz:.0}") }
 }
 
 /// An arrow that points where the wind blows to, with north up.

@@ -215,7 +215,9 @@ fn bounds_of(vehicle: &Vehicle) -> [Bounds; 6] {
 fn plant(b: &Bounds) -> SampledPlant {
     let ball = |radius: f64| DMatrix::from_element(1, 1, radius.powi(-2));
     let block = |w: DMatrix<f64>, radius: f64| NoiseBlock { w, q: ball(radius) };
-    let process = vec![block(dmatrix![1.0; 0.0], b.input), block(dmatrix![0.0; 1.0], b.rate)];
+    // a disturbance that is declared to be nothing has no ellipsoid
+    let process = [(dmatrix![1.0; 0.0], b.input), (dmatrix![0.0; 1.0], b.rate)];
+    let process = process.into_iter().filter(|(_, radius)| *radius > 0.0).map(|(w, radius)| block(w, radius)).collect();
     // what momentum alone can tell of d: two samples T apart give ±(2·momentum/T + input + rate·T/2), best at T = √(4·m/r)
     let by_momentum = (4.0 * b.momentum * b.rate).sqrt() + b.input;
     let (c, output) = match b.direct {

@@ -330,12 +330,16 @@ impl Observer for WrenchObserver {
             self.silence(m, Verdict::Starved);
             return Ok(&self.estimate);
         };
-        let previous = self.previous.replace(frame).unwrap_or(frame);
-        self.fill(&frame, &previous, m);
         let dt_s = m.dt_s;
         let design_changed = self.keep_pace(dt_s);
-        let covered = self.channels.covers(self.pace, dt_s);
-        if !self.opened || m.discontinuity.is_some() || !covered || design_changed {
+        if m.discontinuity.is_none() && !self.channels.covers(self.pace, dt_s) {
+            // steps longer than any design is certified for: between two samples anything may have happened
+            self.silence(m, Verdict::Starved);
+            return Ok(&self.estimate);
+        }
+        let previous = self.previous.replace(frame).unwrap_or(frame);
+        self.fill(&frame, &previous, m);
+        if !self.opened || m.discontinuity.is_some() || design_changed {
             self.start();
             self.publish(&frame, m, 0.0);
             return Ok(&self.estimate);
