@@ -5,6 +5,7 @@
 
 pub mod check;
 mod config_args;
+pub mod design;
 mod logging;
 mod output;
 pub mod replay;
@@ -35,6 +36,7 @@ enum Command {
     Run(run::RunArgs),
     Replay(replay::ReplayArgs),
     Check(check::CheckArgs),
+    Design(design::DesignArgs),
 }
 
 /// How much is logged to standard error.
@@ -87,5 +89,6 @@ pub fn run(cli: Cli) -> Result<(), Failure> {
         Command::Run(args) => run::run(args),
         Command::Replay(args) => replay::run(&args),
         Command::Check(args) => check::run(args),
+        Command::Design(args) => design::run(&args),
     }
 }
