@@ -5,6 +5,7 @@
 
 pub mod check;
 mod config_args;
+pub mod design;
 mod logging;
 mod output;
 pub mod replay;
@@ -37,6 +38,7 @@ enum Command {
     Replay(replay::ReplayArgs),
     Check(check::CheckArgs),
     Sim(sim::SimArgs),
+    Design(design::DesignArgs),
 }
 
 /// How much is logged to standard error.
@@ -90,5 +92,6 @@ pub fn run(cli: Cli) -> Result<(), Failure> {
         Command::Replay(args) => replay::run(&args),
         Command::Check(args) => check::run(args),
         Command::Sim(args) => sim::run(&args),
+        Command::Design(args) => design::run(&args),
     }
 }

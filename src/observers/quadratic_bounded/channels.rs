@@ -55,12 +55,12 @@ impl Family {
 
 /// Declared bounds of one axis: momentum m, disturbance d, `ṁ = u + d + w`, `|w| ≤ input`, `|ḋ| ≤ rate`.
 #[derive(Debug, Clone, Copy, PartialEq)]
-struct Bounds {
-    input: f64,
-    rate: f64,
-    momentum: f64,
+pub(super) struct Bounds {
+    pub(super) input: f64,
+    pub(super) rate: f64,
+    pub(super) momentum: f64,
     /// Of the direct measurement of d; `None` where there is none.
-    direct: Option<f64>,
+    pub(super) direct: Option<f64>,
     /// Largest |d|.
     envelope: f64,
 }
@@ -167,7 +167,7 @@ fn builder(vehicle: &Vehicle, options: &mut Options) -> Result<Box<dyn Observer>
 
 /// What the vehicle's declared noise and envelope mean on each world axis. The body's boxes are turned into the world
 /// at every heading and up to [`LEAN_RAD`] of lean, at the worst.
-fn bounds_of(vehicle: &Vehicle) -> [Bounds; 6] {
+pub(super) fn bounds_of(vehicle: &Vehicle) -> [Bounds; 6] {
     let (noise, envelope) = (&vehicle.noise, &vehicle.envelope);
     let mass = vehicle.mass_kg.range.hi();
     let accel: [f64; 3] = std::array::from_fn(|i| noise.accel_mps2[i] + noise.accel_bias_mps2[i]);

@@ -4,7 +4,7 @@
 //! |---|---|
 //! | `plant` | plants and their bounded disturbances, checked; ellipsoids and their volumes |
 //! | `sampled` | the design that runs: a certificate for held samples (DESIGN §6.2) |
-//! | `design` | the paper's continuous design; `paper`: its plant; `riccati`: its closed form |
+//! | `design` | the paper's continuous design; `paper`: its plant; `declared`: a vehicle's; `riccati`: its closed form |
 //! | `synthesis` | its semidefinite programs |
 //! | `certify` | the proof of that certificate at every step length; `flow`, `jet`: what it computes with |
 //! | `cache` | designs kept on disk |
@@ -15,6 +15,7 @@
 mod cache;
 mod certify;
 mod channels;
+mod declared;
 mod design;
 mod filter;
 mod flow;
@@ -30,6 +31,7 @@ mod tradeoff;
 pub use cache::{Cache, design_cached};
 pub use certify::Coverage;
 pub use channels::{Channels, REGISTRATION};
+pub use declared::declared_plant;
 pub use design::{ContinuousDesign, choose_rates, design_continuous};
 pub use filter::Filter;
 pub use online::WrenchObserver;

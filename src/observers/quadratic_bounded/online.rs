@@ -122,7 +122,9 @@ impl WrenchObserver {
         self.quick_steps = if fits_fast { self.quick_steps.saturating_add(1) } else { 0 };
         let pace = match self.pace {
             Pace::Fast if !fits_fast => Pace::Slow,
-            Pace::Slow if self.quick_steps >= FAST_AFTER => Pace::Fast,
+            Pace::Slow if self.quick_steps >= FAST_AFTER || !self.channels.covers(Pace::Slow, dt_s) && fits_fast => {
+                Pace::Fast
+            }
             same => same,
         };
         if pace == self.pace {
@@ -331,7 +333,7 @@ impl Observer for WrenchObserver {
             return Ok(&self.estimate);
         };
         let dt_s = m.dt_s;
-        let design_changed = self.keep_pace(dt_s);
+        let design_changed = m.discontinuity.is_none() && self.keep_pace(dt_s);
         if m.discontinuity.is_none() && !self.channels.covers(self.pace, dt_s) {
             // steps longer than any design is certified for: between two samples anything may have happened
             self.silence(m, Verdict::Starved);
