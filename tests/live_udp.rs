@@ -7,15 +7,16 @@ use mavobserver::config::{LinkUrl, Pace};
 use mavobserver::daemon::{Daemon, DaemonError, Settings};
 use mavobserver::pipeline::VehicleId;
 use mavobserver::wire::dialect::ardupilotmega::{
-    COMMAND_LONG_DATA, DEBUG_VECT_DATA, HEARTBEAT_DATA, MavAutopilot, MavCmd, MavType, STATUSTEXT_DATA,
+    ATTITUDE_DATA, COMMAND_LONG_DATA, DEBUG_VECT_DATA, HEARTBEAT_DATA, MavAutopilot, MavCmd, MavType, STATUSTEXT_DATA,
     SYSTEM_TIME_DATA, TIMESYNC_DATA,
 };
-use mavobserver::wire::dialect::mavobserver::{WIND_ESTIMATE_DATA, WRENCH_ESTIMATE_DATA};
+use mavobserver::wire::dialect::mavobserver::{FAULT_STATUS_DATA, WIND_ESTIMATE_DATA, WRENCH_ESTIMATE_DATA};
 use mavobserver::wire::tlog::{TlogReader, TlogWriter};
 use mavobserver::wire::{self, Encoder, FrameBuf, decode};
 use std::collections::BTreeMap;
 use std::fs::File;
 use std::path::Path;
+use std::sync::atomic::{AtomicU64, Ordering};
 use std::time::Duration;
 
 const SECONDS_2: Duration = Duration::from_secs(2);
@@ -138,7 +139,9 @@ async fn fly(daemon: &Running, system: u8, attitudes: u32) -> Vec<FrameBuf> {
 #[tokio::test]
 async fn estimates_leave_as_component_191_with_the_estimators_very_numbers() {
     let daemon = Running::start(Settings::new(vec![talking(any_port()), talking(any_port())]), Echo::default()).await;
+    let begin = std::time::Instant::now();
     let received = fly(&daemon, 7, 200).await;
+    let seconds = begin.elapsed().as_secs();
     daemon.stop().await;
 
     let ours: Vec<_> = received.iter().map(FrameBuf::as_ref).filter(|f| f.component_id() == 191).collect();
@@ -159,7 +162,7 @@ async fn estimates_leave_as_component_191_with_the_estimators_very_numbers() {
         .map(|k| (1_000 * u64::from(attitude(k).time_boot_ms), Echo::snapshot(vehicle, &attitude(k), 0)))
         .collect();
     let floats = |v: nalgebra::Vector3<f64>| [v.x as f32, v.y as f32, v.z as f32];
-    let mut counts = [0; 3];
+    let mut counts = [0_u64; 3];
     for frame in ours {
         if let Some(wrench) = decode::<WRENCH_ESTIMATE_DATA>(frame) {
             let truth = expected[&wrench.time_boot_us].wrench.expect("always");
@@ -180,8 +183,9 @@ async fn estimates_leave_as_component_191_with_the_estimators_very_numbers() {
             counts[2] += 1;
         }
     }
-    // about a second of flight at ten a second
-    assert!(counts.iter().all(|&count| (5..=25).contains(&count)), "{counts:?}");
+    // a second of flight, or more on a busy machine, at ten a second
+    let most = 12 + 10 * seconds;
+    assert!(counts.iter().all(|&count| (5..=most).contains(&count)), "{counts:?} in {seconds} s");
 }
 
 #[tokio::test]
@@ -299,9 +303,9 @@ async fn a_log_at_its_own_pace_takes_its_time_over_the_speed() {
     while count < 201 && station.receive().await.is_some() {
         count += 1;
     }
-    // two seconds of log at four times its speed; a loaded machine may be late, never early
+    // two seconds of log at four times its speed; a busy machine may be late, never early
     let took = begin.elapsed();
-    assert!(count == 201 && took > Duration::from_millis(480) && took < SECONDS_2, "{count} frames in {took:?}");
+    assert!(count == 201 && took > Duration::from_millis(480), "{count} frames in {took:?}");
     daemon.stop().await;
 }
 
@@ -363,6 +367,8 @@ async fn live_estimates_equal_those_of_the_recording() {
     const FRAMES: usize = 40_000;
     /// Frames on their way at most, so that no socket overflows.
     const WINDOW: usize = 40;
+    /// Flight time that may wait for the estimator, so that its queue does not overflow either.
+    const LEAD_MS: u64 = 3_000;
 
     let Some(log) = flight("sitl/wind_dev.tlog") else { return };
     let frames: Vec<_> = read_log(&log).into_iter().take(FRAMES).map(|(_, frame)| frame).collect();
@@ -373,6 +379,7 @@ async fn live_estimates_equal_those_of_the_recording() {
     let mut station_link = silent(any_port());
     station_link.output.rates.wrench_estimate = Rate::EVERY;
     station_link.output.rates.wind_estimate = Rate::EVERY;
+    station_link.output.rates.fault_status = Rate::EVERY;
     let mut settings = Settings::new(vec![silent(any_port()), station_link]);
     settings.record = Some(directory.path().to_owned());
     settings.stop_within = Duration::from_secs(60);
@@ -382,17 +389,22 @@ async fn live_estimates_equal_those_of_the_recording() {
     tokio::time::sleep(Duration::from_millis(100)).await;
 
     let passed = Arc::new(tokio::sync::Semaphore::new(WINDOW));
+    let estimated_ms = Arc::new(AtomicU64::new(0));
     let player = tokio::spawn({
-        let (passed, to, frames) = (Arc::clone(&passed), daemon.address(0), frames.clone());
+        let (passed, estimated_ms) = (Arc::clone(&passed), Arc::clone(&estimated_ms));
+        let (to, frames) = (daemon.address(0), frames.clone());
         async move {
             let vehicle = Peer::new(Some(to)).await;
-            for (k, frame) in frames.iter().enumerate() {
+            for frame in &frames {
                 passed.acquire().await.expect("open").forget();
-                vehicle.send(frame.bytes()).await;
-                if k % WINDOW == 0 {
-                    // nor the estimator's queue, in a build without optimisation
-                    tokio::time::sleep(Duration::from_millis(8)).await;
+                if let Some(attitude) = decode::<ATTITUDE_DATA>(frame.as_ref()) {
+                    let ahead = |estimated: u64| u64::from(attitude.time_boot_ms).saturating_sub(estimated) > LEAD_MS;
+                    // nothing is estimated before the first measurement
+                    while matches!(estimated_ms.load(Ordering::Relaxed), ms if ms > 0 && ahead(ms)) {
+                        tokio::time::sleep(Duration::from_millis(2)).await;
+                    }
                 }
+                vehicle.send(frame.bytes()).await;
             }
         }
     });
@@ -403,6 +415,8 @@ async fn live_estimates_equal_those_of_the_recording() {
             wrenches.push(wrench);
         } else if let Some(wind) = decode::<WIND_ESTIMATE_DATA>(frame.as_ref()) {
             winds.push(wind);
+        } else if let Some(status) = decode::<FAULT_STATUS_DATA>(frame.as_ref()) {
+            estimated_ms.store(status.time_boot_us / 1_000, Ordering::Relaxed);
         } else {
             assert_eq!(datagram, frames[bridged].bytes(), "frame {bridged} arrives in order and untouched");
             bridged += 1;

@@ -1,4 +1,5 @@
-//! What is said to one live vehicle and heard from it: stream requests and time questions.
+//! What is said to one live vehicle and heard from it: stream requests, time questions, and which output drives which
+//! rotor.
 
 // REQUEST_DATA_STREAM is superseded, and all that some autopilots obey.
 #![allow(deprecated)]
@@ -7,16 +8,19 @@ use super::router::Origin;
 use crate::pipeline::VehicleId;
 use crate::signal::Stamp;
 use crate::telemetry::VehicleClock;
+use crate::telemetry::parameters::{ParameterReader, ROTOR_OUTPUTS};
 use crate::telemetry::requests::{Autopilot, Need, Notice, Request, SET_MESSAGE_INTERVAL, StreamRequester};
 use crate::telemetry::timesync::{ClockOffset, TimesyncClient};
 use crate::wire::dialect::ardupilotmega::{
-    COMMAND_LONG_DATA, MavCmd, MavDataStream, REQUEST_DATA_STREAM_DATA, TIMESYNC_DATA,
+    COMMAND_LONG_DATA, MavCmd, MavDataStream, PARAM_REQUEST_READ_DATA, REQUEST_DATA_STREAM_DATA, TIMESYNC_DATA,
 };
 use crate::wire::{Check, FrameRef};
+use mavlink_core::types::CharArray;
 use num_traits::FromPrimitive;
 
 const HEARTBEAT: u32 = 0;
 const SYSTEM_TIME: u32 = 2;
+const PARAM_VALUE: u32 = 22;
 const ATTITUDE: u32 = 30;
 const COMMAND_ACK: u32 = 77;
 const TIMESYNC: u32 = 111;
@@ -42,6 +46,7 @@ impl Now {
 pub(super) enum Question {
     Command(COMMAND_LONG_DATA),
     Stream(REQUEST_DATA_STREAM_DATA),
+    Parameter(PARAM_REQUEST_READ_DATA),
     Time(TIMESYNC_DATA),
 }
 
@@ -55,6 +60,8 @@ pub(super) struct Dialogue {
     /// Where the vehicle was last heard, and where questions go.
     pub(super) origin: Origin,
     streams: Option<StreamRequester>,
+    /// ArduPilot only: PX4's output messages are in rotor order.
+    parameters: Option<ParameterReader>,
     time: TimesyncClient,
     boot: VehicleClock,
     polled_ms: u64,
@@ -68,6 +75,7 @@ impl Dialogue {
             needs,
             origin,
             streams: None,
+            parameters: None,
             time: TimesyncClient::new(),
             boot: VehicleClock::default(),
             polled_ms: 0,
@@ -90,6 +98,8 @@ impl Dialogue {
             HEARTBEAT if self.streams.is_none() => {
                 if let Some(autopilot) = Autopilot::from_mav(fields.u8(5)) {
                     self.streams = Some(StreamRequester::new(autopilot, &self.needs, now.steady_ms));
+                    let mapped = autopilot == Autopilot::ArduPilot;
+                    self.parameters = mapped.then(|| ParameterReader::new(&ROTOR_OUTPUTS));
                 }
             }
             SYSTEM_TIME => self.boot_time(fields.u32(8), now),
@@ -102,6 +112,13 @@ impl Dialogue {
                 };
                 if let (SET_MESSAGE_INTERVAL, true, Some(streams)) = (fields.u16(0), for_us, &mut self.streams) {
                     streams.command_ack(fields.u8(2), now.steady_ms);
+                }
+            }
+            PARAM_VALUE => {
+                // what we asked for is no sign of a parameter transfer
+                let name = fields.text(8, 16).unwrap_or_default();
+                if self.parameters.as_mut().is_some_and(|parameters| parameters.heard(name)) {
+                    return;
                 }
             }
             TIMESYNC => {
@@ -120,13 +137,16 @@ impl Dialogue {
             if let Some(streams) = &mut self.streams {
                 streams.rebooted(now.steady_ms);
             }
+            if let Some(parameters) = &mut self.parameters {
+                *parameters = ParameterReader::new(&ROTOR_OUTPUTS);
+            }
         }
     }
 
     /// What is to be asked now. To be called after every frame; looks at its clock itself.
-    pub(super) fn poll(&mut self, now: Now, notice: &mut dyn FnMut(Notice)) -> [Option<Question>; 2] {
+    pub(super) fn poll(&mut self, now: Now, notice: &mut dyn FnMut(Notice)) -> [Option<Question>; 3] {
         if self.streams.is_none() || now.steady_ms.saturating_sub(self.polled_ms) < POLL_EVERY_MS {
-            return [None, None];
+            return [None, None, None];
         }
         self.polled_ms = now.steady_ms;
         let (target_system, target_component) = (self.vehicle.system, self.vehicle.component);
@@ -151,9 +171,20 @@ impl Dialogue {
                 })
             }),
         });
+        let parameter = self.parameters.as_mut().and_then(|parameters| parameters.poll(now.steady_ms)).map(|name| {
+            let mut param_id = [0; 16];
+            param_id.iter_mut().zip(name.bytes()).for_each(|(to, from)| *to = from);
+            Question::Parameter(PARAM_REQUEST_READ_DATA {
+                // by name
+                param_index: -1,
+                target_system,
+                target_component,
+                param_id: CharArray::new(param_id),
+            })
+        });
         let time = self.time.poll(now.unix_ns());
         let time = time.map(|ts1| Question::Time(TIMESYNC_DATA { tc1: 0, ts1, target_system, target_component }));
-        [request, time]
+        [parameter, request, time]
     }
 }
 
@@ -163,7 +194,7 @@ mod tests {
     use crate::daemon::router::LinkId;
     use crate::signal::Channel;
     use crate::wire::dialect::ardupilotmega::{
-        ATTITUDE_DATA, COMMAND_ACK_DATA, HEARTBEAT_DATA, MavAutopilot, MavResult,
+        ATTITUDE_DATA, COMMAND_ACK_DATA, HEARTBEAT_DATA, MavAutopilot, MavResult, PARAM_VALUE_DATA,
     };
     use crate::wire::{Encoder, FrameBuf};
     use mavlink_core::MessageData;
@@ -180,6 +211,10 @@ mod tests {
 
     impl Scene {
         fn new() -> Self {
+            Self::of(MavAutopilot::MAV_AUTOPILOT_PX4)
+        }
+
+        fn of(autopilot: MavAutopilot) -> Self {
             let needs = vec![Need::at_default_rate(Channel::Gnss)];
             let mut scene = Self {
                 dialogue: Dialogue::new(VEHICLE, 191, needs, HERE),
@@ -187,7 +222,7 @@ mod tests {
                 ms: 10_000,
                 asked: Vec::new(),
             };
-            scene.says(&HEARTBEAT_DATA { autopilot: MavAutopilot::MAV_AUTOPILOT_PX4, ..HEARTBEAT_DATA::DEFAULT });
+            scene.says(&HEARTBEAT_DATA { autopilot, ..HEARTBEAT_DATA::DEFAULT });
             scene
         }
 
@@ -267,13 +302,33 @@ mod tests {
     }
 
     #[test]
+    fn ardupilot_is_asked_which_output_drives_which_rotor() {
+        let mut scene = Scene::of(MavAutopilot::MAV_AUTOPILOT_ARDUPILOTMEGA);
+        for _ in 0..30 {
+            scene.flies(100, 0);
+            let asked =
+                scene.asked.iter().rev().find_map(|q| if let Question::Parameter(p) = q { Some(p) } else { None });
+            let param_id = asked.expect("asked").param_id;
+            scene.says(&PARAM_VALUE_DATA { param_id, param_value: 33.0, ..PARAM_VALUE_DATA::DEFAULT });
+        }
+        let asked: Vec<_> = scene
+            .asked
+            .iter()
+            .filter_map(|q| if let Question::Parameter(p) = q { p.param_id.to_str().ok() } else { None })
+            .collect();
+        assert_eq!(asked, ROTOR_OUTPUTS);
+        scene.flies(1_000, 0);
+        assert!(!scene.commands().is_empty(), "the answers do not hold up the stream requests");
+    }
+
+    #[test]
     fn nothing_is_asked_before_the_autopilot_is_known() {
         let mut dialogue = Dialogue::new(VEHICLE, 191, vec![Need::at_default_rate(Channel::Imu)], HERE);
         for steady_ms in (0..20_000).step_by(100) {
             let now = Now { unix_us: steady_ms * 1_000, steady_ms };
             let frame = Encoder::new(3, 1).encode(&ATTITUDE_DATA::DEFAULT);
             dialogue.heard(frame.as_ref(), HERE, now);
-            assert_eq!(dialogue.poll(now, &mut |_| {}), [None, None]);
+            assert_eq!(dialogue.poll(now, &mut |_| {}), [None, None, None]);
         }
     }
 }

@@ -220,6 +220,7 @@ impl Voice {
         let say = |outputs: &mut LinkOutputs, send: &mut dyn FnMut(FrameRef<'_>)| match question {
             Question::Command(message) => outputs.message(vehicle.system, message, send),
             Question::Stream(message) => outputs.message(vehicle.system, message, send),
+            Question::Parameter(message) => outputs.message(vehicle.system, message, send),
             Question::Time(message) => outputs.message(vehicle.system, message, send),
         };
         if let Some((_, outputs)) = self.links.iter_mut().find(|(id, _)| *id == to.link) {

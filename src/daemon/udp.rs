@@ -11,7 +11,9 @@ use std::io;
 use std::net::{IpAddr, Ipv4Addr, Ipv6Addr, SocketAddr};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
+use std::time::Duration;
 use tokio::net::{UdpSocket, lookup_host};
+use tokio::time::timeout;
 use tokio_util::sync::CancellationToken;
 use tracing::{debug, info, warn};
 
@@ -19,6 +21,9 @@ use tracing::{debug, info, warn};
 const DATAGRAM: usize = 65_536;
 /// Datagrams taken in one go before other tasks of the runtime have their turn.
 const BATCH: usize = 64;
+/// When stopping, a link takes what has arrived, but no more than so many batches of a peer that never pauses.
+const LAST_BATCHES: usize = 64;
+const LAST_WAIT: Duration = Duration::from_millis(5);
 
 /// A bound UDP socket and who is at its other end.
 #[derive(Debug)]
@@ -131,26 +136,35 @@ impl UdpLink {
         }
     }
 
-    /// Receives until `stop`, or until the socket itself fails.
+    /// Receives until `stop`, or until the socket itself fails. What the socket holds by then is still taken.
     pub(super) async fn receive(self: Arc<Self>, mut inlet: Inlet, stop: CancellationToken) -> io::Result<()> {
         let mut buffer = vec![0; DATAGRAM];
         loop {
             tokio::select! {
-                () = stop.cancelled() => return Ok(()),
+                () = stop.cancelled() => break,
                 ready = self.socket.readable() => ready?,
             }
-            for _ in 0..BATCH {
-                match self.socket.try_recv_from(&mut buffer) {
-                    Ok((length, peer)) => self.datagram(&buffer[..length], peer, &mut inlet),
-                    Err(error) if error.kind() == io::ErrorKind::WouldBlock => break,
-                    // a peer's host said that nobody listens there: its affair
-                    Err(error) => {
-                        debug!(link = self.name, "receiving: {error}");
-                        break;
-                    }
-                }
-            }
+            self.take(&mut buffer, &mut inlet);
             tokio::task::consume_budget().await;
+        }
+        for _ in 0..LAST_BATCHES {
+            if !matches!(timeout(LAST_WAIT, self.socket.readable()).await, Ok(Ok(()))) {
+                break;
+            }
+            self.take(&mut buffer, &mut inlet);
+        }
+        Ok(())
+    }
+
+    /// Takes at most a batch of the datagrams that are there.
+    fn take(&self, buffer: &mut [u8], inlet: &mut Inlet) {
+        for _ in 0..BATCH {
+            match self.socket.try_recv_from(buffer) {
+                Ok((length, peer)) => self.datagram(&buffer[..length], peer, inlet),
+                Err(error) if error.kind() == io::ErrorKind::WouldBlock => return,
+                // a peer's host said that nobody listens there: its affair
+                Err(error) => return debug!(link = self.name, "receiving: {error}"),
+            }
         }
     }
 

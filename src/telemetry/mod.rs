@@ -12,6 +12,7 @@ mod align;
 mod clock;
 mod decode;
 mod history;
+pub mod parameters;
 pub mod requests;
 pub mod timesync;
 
