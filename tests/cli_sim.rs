@@ -1,13 +1,13 @@
 //! `mavobserver sim` as a user meets it.
 
-use assert_cmd::Command;
+use assert_cmd::cargo::cargo_bin_cmd;
 use serde_json::Value;
 use std::net::UdpSocket;
 use std::path::Path;
 use std::time::Duration;
 
 fn sim(args: &[&str]) -> assert_cmd::assert::Assert {
-    Command::cargo_bin("mavobserver").unwrap().arg("sim").args(args).assert()
+    cargo_bin_cmd!("mavobserver").arg("sim").args(args).assert()
 }
 
 fn stdout(a: &assert_cmd::assert::Assert) -> String {
