@@ -74,7 +74,9 @@ impl Link {
                 let any = if peer.is_ipv6() { "[::]:0" } else { "0.0.0.0:0" };
                 (UdpSocket::bind(any).map_err(failed)?, vec![peer], true)
             }
-            _ => return Err(Failure::Usage(format!("{url}: sim sends to udpin: and udpout: links; for files, --tlog"))),
+            _ => {
+                return Err(Failure::Usage(format!("{url}: sim sends to udpin: and udpout: links; for files, --tlog")));
+            }
         };
         socket.set_nonblocking(true).map_err(failed)?;
         Ok(Self { socket, peers, fixed, parser: Parser::new() })

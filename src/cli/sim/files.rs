@@ -34,7 +34,7 @@ impl Files {
                 logs.push((path, log));
             }
         }
-        Ok(Self { tlog, truth: logs, next_row_s: 0.0, next_flush_s: FLUSH_S })
+        Ok(Self { tlog, truth: logs, next_row_s: 1.0 / TRUTH_HZ, next_flush_s: FLUSH_S })
     }
 
     /// Appends a frame as received. Damaged ones too: a log holds what came.

@@ -89,6 +89,11 @@ pub(super) const CATALOG: &[Stream] = streams! {
     115   HIL_STATE_QUATERNION,    None,        Never,        Asked,          truth::hil_state_quaternion;
 };
 
+/// Names of the messages the simulator can stream, of both stacks.
+pub fn names() -> impl Iterator<Item = &'static str> {
+    CATALOG.iter().map(|s| s.name)
+}
+
 /// True for the name of a message the simulator can stream.
 pub fn can_send(name: &str) -> bool {
     CATALOG.iter().any(|s| s.name == name)

@@ -17,7 +17,7 @@ mod state;
 mod view;
 mod writer;
 
-pub use catalog::can_send;
+pub use catalog::{can_send, names};
 pub use stack::Stack;
 pub use state::{Feed, FeedConfig, MavlinkGeneration};
 

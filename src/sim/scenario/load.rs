@@ -55,6 +55,7 @@ pub fn parse(document: &Document, folder: &Path) -> Result<Scenario, Issues> {
 enum SensorChoice {
     Bounded,
     Mems,
+    ArduPilotSitl,
     Px4Sih,
     Perfect,
 }
@@ -73,6 +74,7 @@ fn scenario(t: &mut Table<'_>, folder: &Path) -> Option<Scenario> {
         v.one_of(&[
             ("bounded", SensorChoice::Bounded),
             ("mems", SensorChoice::Mems),
+            ("ardupilot-sitl", SensorChoice::ArduPilotSitl),
             ("px4-sih", SensorChoice::Px4Sih),
             ("perfect", SensorChoice::Perfect),
         ])
@@ -101,6 +103,7 @@ fn scenario(t: &mut Table<'_>, folder: &Path) -> Option<Scenario> {
     let suite = match sensors? {
         SensorChoice::Bounded => SensorSuite::within_bounds_of(&vehicle),
         SensorChoice::Mems => SensorSuite::mems(&vehicle),
+        SensorChoice::ArduPilotSitl => SensorSuite::ardupilot_sitl(&vehicle),
         SensorChoice::Px4Sih => SensorSuite::px4_sih(&vehicle),
         SensorChoice::Perfect => SensorSuite::perfect(&vehicle),
     };

@@ -102,6 +102,36 @@ impl SensorSuite {
         s
     }
 
+    /// The simulator of ArduPilot: quiet inertial sensors, a compass that is half a degree off, GNSS without noise, as
+    /// recorded from it in hover.
+    pub fn ardupilot_sitl(vehicle: &Vehicle) -> Self {
+        let mut s = Self::within_bounds_of(vehicle);
+        let shape = NoiseShape::Gaussian;
+        s.imu = s.imu.map(|imu| ImuSpec {
+            accel_noise_mps2: Vector3::repeat(0.0108),
+            gyro_noise_rads: Vector3::repeat(0.0013),
+            shape,
+            accel_bias_mps2: Vector3::repeat(0.015),
+            gyro_bias_rads: Vector3::repeat(0.001),
+            ..imu
+        });
+        s.magnetometer.shape = shape;
+        s.magnetometer.noise_gauss = 1e-4;
+        s.magnetometer.hard_iron_gauss = Vector3::new(0.0, 0.0025, 0.0);
+        s.barometer.shape = shape;
+        s.barometer.noise_pa = 0.6;
+        s.gnss = GnssSpec {
+            latency_s: 0.2,
+            horizontal_noise_m: 0.0,
+            vertical_noise_m: 0.0,
+            velocity_noise_mps: 0.0,
+            wander_m: 0.0,
+            satellites: 10,
+            ..s.gnss
+        };
+        s
+    }
+
     /// The simulator inside PX4 (SIH): large white noise on the inertial sensors, as recorded from it at 125 Hz.
     pub fn px4_sih(vehicle: &Vehicle) -> Self {
         let mut s = Self::within_bounds_of(vehicle);

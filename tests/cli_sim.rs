@@ -1,0 +1,98 @@
+//! `mavobserver sim` as a user meets it.
+
+use assert_cmd::cargo::cargo_bin_cmd;
+use serde_json::Value;
+use std::net::UdpSocket;
+use std::path::Path;
+use std::time::Duration;
+
+fn sim(args: &[&str]) -> assert_cmd::assert::Assert {
+    cargo_bin_cmd!("mavobserver").arg("sim").args(args).assert()
+}
+
+fn stdout(a: &assert_cmd::assert::Assert) -> String {
+    String::from_utf8(a.get_output().stdout.clone()).unwrap()
+}
+
+fn stderr(a: &assert_cmd::assert::Assert) -> String {
+    String::from_utf8(a.get_output().stderr.clone()).unwrap()
+}
+
+fn path(p: &Path) -> &str {
+    p.to_str().unwrap()
+}
+
+#[test]
+fn the_list_names_every_scenario() {
+    let text = stdout(&sim(&["--list"]).success());
+    for name in ["hover", "wind-steps", "paper-disturbance", "px4-wind"] {
+        assert!(text.contains(name), "{text}");
+    }
+}
+
+#[test]
+fn files_are_the_same_for_the_same_seed() {
+    let folder = tempfile::tempdir().unwrap();
+    let fly = |name: &str, seed: &str| {
+        let (log, truth) = (folder.path().join(format!("{name}.tlog")), folder.path().join(format!("{name}.csv")));
+        let args = ["wind-steps", "--duration", "15", "--seed", seed, "--tlog", path(&log), "--truth", path(&truth)];
+        sim(&args).success();
+        (std::fs::read(log).unwrap(), std::fs::read_to_string(truth).unwrap())
+    };
+    let (first, again, other) = (fly("a", "5"), fly("b", "5"), fly("c", "6"));
+    assert_eq!(first, again);
+    assert_ne!(first.0, other.0);
+    assert!(first.1.starts_with("t_boot_s,"));
+    assert_eq!(first.1.lines().count(), 1 + 15 * 50);
+}
+
+#[test]
+fn several_vehicles_write_their_own_truth_and_the_summary_counts_them() {
+    let folder = tempfile::tempdir().unwrap();
+    let truth = folder.path().join("t.csv");
+    let out =
+        stdout(&sim(&["hover", "--vehicles", "3", "--duration", "10", "--truth", path(&truth), "--json"]).success());
+    let report: Value = serde_json::from_str(&out).unwrap();
+    assert_eq!(report["vehicles"].as_array().unwrap().len(), 3);
+    assert!(report["frames"].as_u64().unwrap() > 6_000);
+    assert!((1..=3).all(|n| folder.path().join(format!("t.{n}.csv")).is_file()));
+}
+
+#[test]
+fn a_link_carries_frames_at_the_pace_asked_for() {
+    let ground = UdpSocket::bind("127.0.0.1:0").unwrap();
+    ground.set_read_timeout(Some(Duration::from_secs(20))).unwrap();
+    let url = format!("udpout:127.0.0.1:{}", ground.local_addr().unwrap().port());
+    let flight = std::thread::spawn(move || {
+        let started = std::time::Instant::now();
+        sim(&["hover", "--link", &url, "--duration", "3", "--speed", "3"]).success();
+        started.elapsed()
+    });
+    let mut datagram = [0; 300];
+    let mut frames = 0;
+    while frames < 500 {
+        let (len, _) = ground.recv_from(&mut datagram).unwrap();
+        assert_eq!((datagram[0], usize::from(datagram[1]) + 12), (0xFD, len), "one frame, one datagram");
+        frames += 1;
+    }
+    assert!(flight.join().unwrap() >= Duration::from_secs(1));
+}
+
+#[test]
+fn what_cannot_be_flown_is_told_with_the_right_code() {
+    let unknown = sim(&["wind-step"]).code(2);
+    assert!(stderr(&unknown).contains("did you mean `wind-steps`?"));
+    sim(&[]).code(2);
+    sim(&["hover", "--speed", "0"]).code(2);
+    sim(&["hover", "--link", "tlog:x.tlog"]).code(2);
+    let taken = UdpSocket::bind("127.0.0.1:0").unwrap();
+    let url = format!("udpin:127.0.0.1:{}", taken.local_addr().unwrap().port());
+    assert!(stderr(&sim(&["hover", "--link", &url]).code(1)).contains(&url));
+    assert!(stderr(&sim(&["hover", "--tlog", "no/such/folder/x.tlog"]).code(1)).contains("cannot write"));
+
+    let folder = tempfile::tempdir().unwrap();
+    let file = folder.path().join("bad.toml");
+    std::fs::write(&file, "name = 'x'\nvehicle = 'px4-sih'\nduration_s = -1\nsede = 4\n").unwrap();
+    let bad = stderr(&sim(&["-c", path(&file)]).code(2));
+    assert!(bad.contains("2 problems") && bad.contains("did you mean `seed`?"), "{bad}");
+}
