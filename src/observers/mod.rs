@@ -34,4 +34,7 @@ pub trait Observer: Send {
 
     /// Forgets everything but the design.
     fn reset(&mut self);
+
+    /// Another observer with the same design, which knows nothing yet: for another vehicle of the same model.
+    fn fresh(&self) -> Box<dyn Observer>;
 }

@@ -28,6 +28,11 @@ impl Slot {
         Self { registration, observer, steps: 0, wrench }
     }
 
+    /// The same observer for another vehicle.
+    pub fn fresh(&self) -> Self {
+        Self::new(self.registration, self.observer.fresh())
+    }
+
     fn wrench(&self) -> Option<WrenchEstimate> {
         let at = self.wrench?;
         let e = self.observer.estimate();

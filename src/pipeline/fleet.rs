@@ -80,21 +80,26 @@ struct Member {
 
 /// All vehicles on the links, each with its own state: nothing one does reaches another.
 pub struct Fleet {
-    settings: FleetSettings,
+    /// The model of every vehicle that has none of its own.
+    standard: Model,
+    by_system: BTreeMap<u8, Model>,
     members: BTreeMap<VehicleId, Member>,
 }
 
 impl Fleet {
-    /// Builds each observer once for each vehicle model, so that a design that fails does so here and designs are
-    /// cached before the first frame.
+    /// Builds each observer once for each vehicle model: a design that fails does so here, and a vehicle that turns up
+    /// in the middle of the traffic holds nothing up.
     ///
     /// # Errors
     /// [`BuildError`] for unknown observers or options, and for designs that do not exist.
     pub fn new(settings: FleetSettings) -> Result<Self, BuildError> {
-        for model in std::iter::once(&settings.vehicle).chain(settings.by_system.values()) {
-            slots(&settings.observers, model)?;
-        }
-        Ok(Self { settings, members: BTreeMap::new() })
+        let model = |vehicle: &Arc<Vehicle>| Model::new(vehicle, &settings.observers);
+        let by_system = settings.by_system.iter().map(|(id, vehicle)| Ok((*id, model(vehicle)?)));
+        Ok(Self {
+            standard: model(&settings.vehicle)?,
+            by_system: by_system.collect::<Result<_, BuildError>>()?,
+            members: BTreeMap::new(),
+        })
     }
 
     /// Takes in one frame of any system, received at `received_unix_us` (µs since 1970).
@@ -120,13 +125,8 @@ impl Fleet {
             return;
         }
         sink(Event::NewVehicle { vehicle: id, kind });
-        let model = self.settings.by_system.get(&id.system).unwrap_or(&self.settings.vehicle);
-        let chain = if kind.is_multirotor() {
-            // built before in `new` with the same settings; a failure now leaves the vehicle unobserved, and said so
-            slots(&self.settings.observers, model).ok().map(|s| Chain::new(id, Arc::clone(model), s))
-        } else {
-            None
-        };
+        let model = self.by_system.get(&id.system).unwrap_or(&self.standard);
+        let chain = kind.is_multirotor().then(|| model.chain(id));
         if chain.is_none() {
             let text = format!("vehicle {id} is no multirotor (type {}): nothing to estimate", kind.mav_type);
             sink(Event::Notice { vehicle: id, severity: Severity::Notice, text: &text });
@@ -144,9 +144,23 @@ impl Fleet {
     }
 }
 
-fn slots(settings: &[ObserverSetting], model: &Vehicle) -> Result<Vec<Slot>, BuildError> {
-    settings
-        .iter()
-        .map(|o| Ok(Slot::new(observers::find(&o.name)?, observers::build(&o.name, model, o.options.clone())?)))
-        .collect()
+/// A vehicle model with its observers, designed.
+struct Model {
+    vehicle: Arc<Vehicle>,
+    slots: Vec<Slot>,
+}
+
+impl Model {
+    fn new(vehicle: &Arc<Vehicle>, observers: &[ObserverSetting]) -> Result<Self, BuildError> {
+        let slot = |o: &ObserverSetting| {
+            let observer = observers::build(&o.name, vehicle, o.options.clone())?;
+            Ok(Slot::new(observers::find(&o.name)?, observer))
+        };
+        Ok(Self { vehicle: Arc::clone(vehicle), slots: observers.iter().map(slot).collect::<Result<_, BuildError>>()? })
+    }
+
+    /// A chain for one vehicle of this model.
+    fn chain(&self, id: VehicleId) -> Chain {
+        Chain::new(id, Arc::clone(&self.vehicle), self.slots.iter().map(Slot::fresh).collect())
+    }
 }

@@ -69,7 +69,8 @@ impl Notices {
                 for slot in chain.slots() {
                     let r = slot.registration;
                     let missing: Vec<String> = chain.missing(r.needs).map(|c| c.to_string()).collect();
-                    let what = if missing.is_empty() { "samples at 2 Hz or more".to_owned() } else { missing.join(", ") };
+                    let what =
+                        if missing.is_empty() { "samples at 2 Hz or more".to_owned() } else { missing.join(", ") };
                     sink(Severity::Warning, &format!("{} is starved of {what}", r.name));
                 }
             }

@@ -361,4 +361,8 @@ impl Observer for WrenchObserver {
     fn reset(&mut self) {
         *self = Self::new(&self.vehicle, self.channels.clone());
     }
+
+    fn fresh(&self) -> Box<dyn Observer> {
+        Box::new(Self::new(&self.vehicle, self.channels.clone()))
+    }
 }

@@ -5,8 +5,8 @@ use super::catalog::{CATALOG, Habit, find};
 use super::state::{Answer, Feed, habit};
 use crate::sim::SimVehicle;
 use crate::sim::control::{Flight, Leg};
-use crate::wire::dialect::ardupilotmega as mav;
 use crate::wire::FrameRef;
+use crate::wire::dialect::ardupilotmega as mav;
 use nalgebra::Vector3;
 use num_traits::FromPrimitive;
 

@@ -100,8 +100,7 @@ impl Station {
 fn ardupilot_is_silent_until_asked_and_then_keeps_the_rates() {
     let mut s = Station::new(config(Stack::ArduPilot));
     s.run(10.0);
-    let names: std::collections::BTreeSet<_> =
-        s.heard.iter().filter_map(|f| f.as_ref().message_name()).collect();
+    let names: std::collections::BTreeSet<_> = s.heard.iter().filter_map(|f| f.as_ref().message_name()).collect();
     assert_eq!(names.into_iter().collect::<Vec<_>>(), ["HEARTBEAT", "TIMESYNC"]);
     assert_eq!(s.ask(27, 50.0), mav::MavResult::MAV_RESULT_ACCEPTED);
     assert_eq!(s.ask(24, 5.0), mav::MavResult::MAV_RESULT_ACCEPTED);
@@ -300,7 +299,9 @@ fn outputs_are_pulses_of_the_command_and_rest_when_disarmed() {
     s.vehicle.pilot().order([Leg::Takeoff { height_m: 10.0 }, Leg::Hover { seconds: 60.0 }]);
     s.run(25.0);
     let hover = s.all::<mav::SERVO_OUTPUT_RAW_DATA>().pop().unwrap();
-    let mean = [hover.servo1_raw, hover.servo2_raw, hover.servo3_raw, hover.servo4_raw].map(f64::from).iter().sum::<f64>() / 4.0;
+    let mean =
+        [hover.servo1_raw, hover.servo2_raw, hover.servo3_raw, hover.servo4_raw].map(f64::from).iter().sum::<f64>()
+            / 4.0;
     // 1150 + 800·.551 on a full battery; a little more on one that sags
     assert!((1588.0..1610.0).contains(&mean), "{mean}");
 }

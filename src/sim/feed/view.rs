@@ -1,9 +1,9 @@
 use super::Stack;
+use crate::signal::MAX_ROTORS;
 use crate::sim::estimator::Innovations;
 use crate::sim::scenario::Home;
 use crate::sim::sensors::GnssFix;
 use crate::sim::vehicle::Moment;
-use crate::signal::MAX_ROTORS;
 use crate::vehicle::Actuators;
 use nalgebra::Vector3;
 

@@ -125,11 +125,7 @@ fn payload(t: &mut Table<'_>, vehicle: Option<&Vehicle>) -> Option<Payload> {
     let mass = number(t, "mass_kg", Limit::Positive);
     let position = t.get("position_frd_m").map_or(Some(Vector3::zeros()), |v| super::read::vector(&v));
     let moments = t.get("inertia_kgm2").map_or(Some(Vector3::zeros()), |v| super::read::vector(&v));
-    let load = Payload {
-        mass_kg: mass?,
-        position_frd_m: position?,
-        inertia_kgm2: Matrix3::from_diagonal(&moments?),
-    };
+    let load = Payload { mass_kg: mass?, position_frd_m: position?, inertia_kgm2: Matrix3::from_diagonal(&moments?) };
     let body = vehicle.and_then(|v| MassProperties::empty(v.mass_kg.nominal, v.inertia_kgm2));
     if body.is_some_and(|b| b.with(&load).is_none()) {
         t.problem("with this payload the vehicle is no rigid body", "give `inertia_kgm2` three positive numbers");

@@ -64,9 +64,9 @@ fn scenario(t: &mut Table<'_>, folder: &Path) -> Option<Scenario> {
     let name = t.require("name").and_then(|v| v.text());
     let description = t.get("description").map_or(Some(""), |v| v.text());
     let vehicle = t.require("vehicle").and_then(|v| vehicle_of(&v, folder));
-    let stack = t.get("autopilot").map_or(Some(Stack::ArduPilot), |v| {
-        v.one_of(&[("ardupilot", Stack::ArduPilot), ("px4", Stack::Px4)])
-    });
+    let stack = t
+        .get("autopilot")
+        .map_or(Some(Stack::ArduPilot), |v| v.one_of(&[("ardupilot", Stack::ArduPilot), ("px4", Stack::Px4)]));
     let seed = t.get("seed").map_or(Some(1), |v| v.integer(0..=i64::MAX));
     let duration_s = t.require("duration_s").and_then(|v| v.number(Limit::Positive));
     let vehicles = t.get("vehicles").map_or(Some(1), |v| v.integer(1..=250));
@@ -82,8 +82,7 @@ fn scenario(t: &mut Table<'_>, folder: &Path) -> Option<Scenario> {
     let navigation = t.get("navigation").map_or(Some(NavigationSource::Estimator), |v| {
         v.one_of(&[("estimator", NavigationSource::Estimator), ("truth", NavigationSource::Truth)])
     });
-    let sampled =
-        t.get("model").map_or(Some(false), |v| v.one_of(&[("exact", false), ("sampled", true)]));
+    let sampled = t.get("model").map_or(Some(false), |v| v.one_of(&[("exact", false), ("sampled", true)]));
     let home = t.section("home", home);
     let limits = t.section("limits", limits);
     let battery = t.section("battery", |t| battery(t, vehicle.as_ref()));
@@ -168,12 +167,7 @@ fn home(t: &mut Table<'_>) -> Option<Home> {
     let longitude = number_or(t, "longitude_deg", Limit::Within(-180.0, 180.0), 149.165_237);
     let altitude = number_or(t, "altitude_m", Limit::Within(-400.0, 9000.0), 584.0);
     let heading = number_or(t, "heading_deg", Limit::Within(-360.0, 360.0), 0.0);
-    Some(Home {
-        latitude_deg: latitude?,
-        longitude_deg: longitude?,
-        altitude_m: altitude?,
-        heading_deg: heading?,
-    })
+    Some(Home { latitude_deg: latitude?, longitude_deg: longitude?, altitude_m: altitude?, heading_deg: heading? })
 }
 
 fn limits(t: &mut Table<'_>) -> Option<(Limits, f64)> {

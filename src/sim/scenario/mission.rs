@@ -49,9 +49,7 @@ pub(super) fn leg(t: &mut Table<'_>) -> Option<Leg> {
             let nose_ahead = t.get("nose_ahead").map_or(Some(false), |v| v.flag());
             Leg::Circle { radius_m: radius?, speed_mps: speed?, seconds: seconds?, nose_ahead: nose_ahead? }
         }
-        Kind::Turn => {
-            Leg::Turn { heading_rad: number(t, "heading_deg", Limit::Within(-360.0, 360.0))?.to_radians() }
-        }
+        Kind::Turn => Leg::Turn { heading_rad: number(t, "heading_deg", Limit::Within(-360.0, 360.0))?.to_radians() },
         Kind::Land => Leg::Land,
     })
 }

@@ -85,7 +85,11 @@ enum Shape {
 /// One `[[disturbance]]`: a force or a torque from outside.
 pub(super) fn disturbance(t: &mut Table<'_>) -> Option<Disturbance> {
     let acts = t.require("acts").and_then(|v| {
-        v.one_of(&[("force_ned_n", Acts::ForceNed), ("force_frd_n", Acts::ForceFrd), ("torque_frd_nm", Acts::TorqueFrd)])
+        v.one_of(&[
+            ("force_ned_n", Acts::ForceNed),
+            ("force_frd_n", Acts::ForceFrd),
+            ("torque_frd_nm", Acts::TorqueFrd),
+        ])
     });
     let shapes = [("pulse", Shape::Pulse), ("series", Shape::Series), ("paper", Shape::Paper)];
     let shape = t.get("shape").map_or(Some(Shape::Pulse), |v| v.one_of(&shapes));

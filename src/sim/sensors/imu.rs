@@ -105,8 +105,7 @@ impl Imu {
         let s = &self.spec;
         let accel_sigma = s.accel_noise_mps2.add_scalar(fault.accel_noise_mps2);
         let gyro_sigma = s.gyro_noise_rads.add_scalar(fault.gyro_noise_rads);
-        let accel_error =
-            self.accel_bias + fault.accel_bias_mps2 + s.shape.draw3(&accel_sigma, &mut self.random);
+        let accel_error = self.accel_bias + fault.accel_bias_mps2 + s.shape.draw3(&accel_sigma, &mut self.random);
         let gyro_error = self.gyro_bias + fault.gyro_bias_rads + s.shape.draw3(&gyro_sigma, &mut self.random);
         let digital_accel = |x: Vector3<f64>| {
             (x.component_mul(&self.accel_scale) + accel_error)
