@@ -116,3 +116,29 @@ fn it_stops_politely_at_sigterm_and_keeps_what_it_heard_when_killed() {
         assert_eq!(recorded(directory.path()), 100, "{signal}: {rest:#?}");
     }
 }
+
+/// A simulated autopilot that sends nothing unasked: the whole conversation, up to an estimate.
+#[cfg(unix)]
+#[test]
+fn a_silent_autopilot_is_asked_until_the_estimates_run() {
+    let directory = tempfile::tempdir().expect("a directory");
+    let scenario = directory.path().join("silent.toml");
+    let text = "name = \"silent\"\ndescription = \"Nobody asked for anything\"\nvehicle = \"arducopter-sitl\"\n\
+                duration_s = 60\nmission = [{ leg = \"takeoff\", height_m = 10 }, { leg = \"hover\", seconds = 60 }]\n\
+                [streams]\nSYSTEM_TIME = 1\n";
+    std::fs::write(&scenario, text).expect("written");
+    let records = directory.path().join("records");
+    let (mut child, log, address) = start(&records);
+    let simulator = Command::new(cargo_bin!("mavobserver"))
+        .args(["sim", "--quiet", "--duration", "12", "--link", &format!("udpout:{address}"), "-c"])
+        .arg(&scenario)
+        .stdout(Stdio::null())
+        .status()
+        .expect("starts");
+    assert!(simulator.success());
+    Command::new("kill").args(["-TERM", &child.id().to_string()]).status().expect("kill runs");
+    let rest: Vec<_> = log.lines().map_while(Result::ok).collect();
+    assert!(child.wait().expect("ended").success());
+    assert!(rest.iter().any(|line| line.contains("estimating wrench and wind")), "{rest:#?}");
+    assert!(!rest.iter().any(|line| line.contains("WARN")), "{rest:#?}");
+}

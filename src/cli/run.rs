@@ -5,6 +5,7 @@ use crate::config::{Config, LinkUrl};
 use crate::daemon::{Daemon, DaemonError, Settings, Status, Summary};
 use crate::observers;
 use crate::pipeline::{Fleet, FleetSettings};
+use crate::signal::Channel;
 use crate::telemetry::requests::Need;
 use crate::vehicle;
 use nalgebra::Vector3;
@@ -107,6 +108,8 @@ fn settings(config: &Config) -> Result<Settings, Failure> {
                 if fast { Need { rate_hz: config.requests.rate_hz, ..usual } } else { usual }
             }));
         }
+        // thrust depends on voltage and air density; without them the model's reference values serve
+        needs.extend([Channel::Battery, Channel::Pressure].map(|c| Need::at_default_rate(c).optional()));
         settings.requests = Some(needs);
     }
     Ok(settings)

@@ -109,14 +109,14 @@ impl Daemon {
         let mut running = Links::start(links, &inlet, &closing);
         drop(inlet);
 
-        let mut lines = StatusLines::new(board.status(unix_us()));
+        let mut lines = StatusLines::new(board.status());
         let mut tick = interval_at(Instant::now() + settings.status_every, settings.status_every);
         tick.set_missed_tick_behavior(MissedTickBehavior::Delay);
         loop {
             tokio::select! {
                 () = stop.cancelled() => break,
                 open = running.next_ended() => if !open { break },
-                _ = tick.tick() => lines.log(board.status(unix_us())),
+                _ = tick.tick() => lines.log(board.status()),
             }
         }
 
@@ -129,7 +129,7 @@ impl Daemon {
         for straggler in &stragglers {
             warn!("{straggler} did not stop within {:?}", settings.stop_within);
         }
-        Ok(Summary { status: board.status(unix_us()), stragglers })
+        Ok(Summary { status: board.status(), stragglers })
     }
 }
 

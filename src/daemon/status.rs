@@ -82,9 +82,9 @@ pub struct SourceStatus {
     pub frames: u64,
     pub bytes: u64,
     pub lost: u64,
-    /// Frames per second, lately.
+    /// Frames per second, from the first to the last.
     pub rate_hz: f64,
-    /// Deviation of the time between frames, s.
+    /// Deviation of the time between frames lately, s.
     pub jitter_s: f64,
 }
 
@@ -135,10 +135,10 @@ impl Board {
         let _ = self.recorder.set(state);
     }
 
-    /// Everything as it is at `now_us`, on the clock of the receive times.
-    pub(super) fn status(&self, now_us: u64) -> Status {
+    /// Everything as it is now.
+    pub(super) fn status(&self) -> Status {
         Status {
-            links: self.links.iter().map(|link| link.status(now_us)).collect(),
+            links: self.links.iter().map(LinkBoard::status).collect(),
             vehicles: lock(&self.vehicles).clone(),
             estimator_missed: self.estimator_missed.load(Ordering::Relaxed),
             recording: self.recorder.get().map(|recorder| RecordingStatus {
@@ -187,7 +187,7 @@ impl Board {
 }
 
 impl LinkBoard {
-    fn status(&self, now_us: u64) -> LinkStatus {
+    fn status(&self) -> LinkStatus {
         let received = lock(&self.received);
         let mut status = LinkStatus {
             name: self.name.clone(),
@@ -207,7 +207,7 @@ impl LinkBoard {
                     frames: stats.totals().frames,
                     bytes: stats.totals().bytes,
                     lost: stats.losses().lost,
-                    rate_hz: stats.cadence().rate_hz(now_us),
+                    rate_hz: stats.cadence().mean_rate_hz(),
                     jitter_s: stats.cadence().jitter_s(),
                 })
                 .collect(),

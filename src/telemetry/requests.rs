@@ -76,6 +76,8 @@ const PARAM_VALUE: u32 = 22;
 pub struct Need {
     pub channel: Channel,
     pub rate_hz: f64,
+    /// The estimates are better with it and can be had without: its absence is not reported.
+    pub optional: bool,
 }
 
 impl Need {
@@ -90,7 +92,12 @@ impl Need {
             Channel::Gnss | Channel::Pressure => 5.0,
             Channel::Battery => 1.0,
         };
-        Self { channel, rate_hz }
+        Self { channel, rate_hz, optional: false }
+    }
+
+    /// The same channel, welcome but not needed.
+    pub fn optional(self) -> Self {
+        Self { optional: true, ..self }
     }
 }
 
@@ -231,6 +238,8 @@ enum Target {
 struct Want {
     subject: Subject,
     rate_hz: f64,
+    /// Nobody is told when it is missing.
+    optional: bool,
     /// Indices into `streams`: messages, then groups.
     streams: Vec<usize>,
     state: WantState,
@@ -263,7 +272,8 @@ pub struct StreamRequester {
 }
 
 impl StreamRequester {
-    /// A requester for a vehicle first heard at `now_ms`. Needs for the same channel count as the fastest of them.
+    /// A requester for a vehicle first heard at `now_ms`. Needs for the same channel count as the fastest and
+    /// most urgent of them.
     pub fn new(autopilot: Autopilot, needs: &[Need], now_ms: u64) -> Self {
         let mut requester = Self {
             streams: Vec::new(),
@@ -274,19 +284,20 @@ impl StreamRequester {
             last_command_ms: None,
         };
         for need in needs.iter().filter(|n| n.rate_hz.is_finite() && n.rate_hz > 0.0) {
-            requester.want(autopilot, Subject::Channel(need.channel), need.rate_hz, now_ms);
+            requester.want(autopilot, Subject::Channel(need.channel), need.rate_hz, need.optional, now_ms);
         }
         if !requester.wants.is_empty() {
-            requester.want(autopilot, Subject::LandedState, 1.0, now_ms);
+            requester.want(autopilot, Subject::LandedState, 1.0, true, now_ms);
         }
         // the fastest first: what they get often serves the slower ones too
         requester.wants.sort_by(|a, b| b.rate_hz.total_cmp(&a.rate_hz));
         requester
     }
 
-    fn want(&mut self, autopilot: Autopilot, subject: Subject, rate_hz: f64, now_ms: u64) {
+    fn want(&mut self, autopilot: Autopilot, subject: Subject, rate_hz: f64, optional: bool, now_ms: u64) {
         if let Some(known) = self.wants.iter_mut().find(|w| w.subject == subject) {
             known.rate_hz = known.rate_hz.max(rate_hz);
+            known.optional &= optional;
             return;
         }
         let carriers = carriers(autopilot, subject);
@@ -300,7 +311,7 @@ impl StreamRequester {
         }
         let streams = targets.into_iter().map(|target| self.stream(target, now_ms)).collect();
         let state = WantState::Asking;
-        self.wants.push(Want { subject, rate_hz, streams, state, reported: false, rest_ms: FIRST_REST_MS });
+        self.wants.push(Want { subject, rate_hz, optional, streams, state, reported: false, rest_ms: FIRST_REST_MS });
     }
 
     fn stream(&mut self, request: Target, now_ms: u64) -> usize {
@@ -475,7 +486,7 @@ impl StreamRequester {
         };
         let want = &mut self.wants[index];
         want.state = WantState::Resting { until_ms: now_ms + want.rest_ms };
-        if let (Subject::Channel(channel), false) = (want.subject, want.reported) {
+        if let (Subject::Channel(channel), false, false) = (want.subject, want.reported, want.optional) {
             want.reported = true;
             notice(Notice::Unmet { channel, wanted_hz: want.rate_hz, measured_hz, cause });
         }

@@ -203,6 +203,16 @@ fn unmet_needs_are_reported_once_with_their_cause_and_never_flood() {
 }
 
 #[test]
+fn what_is_only_welcome_is_asked_for_and_not_missed() {
+    let needs = [Need::at_default_rate(Channel::Gnss), Need::at_default_rate(Channel::Battery).optional()];
+    let mut scene = Scene::new(Autopilot::Px4, SimulatedAutopilot::knowing(&[]), &[]);
+    scene.requester = StreamRequester::new(Autopilot::Px4, &needs, 1_000);
+    scene.run(60);
+    assert!(scene.asked_for().contains(&147));
+    assert!(matches!(scene.notices[..], [Notice::Unmet { channel: Channel::Gnss, .. }]), "{:?}", scene.notices);
+}
+
+#[test]
 fn an_unanswering_vehicle_is_asked_three_times_ever_later() {
     let mut autopilot = SimulatedAutopilot::knowing(&[]);
     autopilot.loss = 1.0;
