@@ -72,6 +72,7 @@ impl World {
                 torque_frd_nm: Vector3::zeros(),
                 sum_sqrt_thrust: 10.8,
                 inflow_n_per_mps2: 0.0,
+                doubt: 0.0,
                 climb_mps: 0.0,
             },
             age_s: 0.0,

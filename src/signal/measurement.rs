@@ -96,6 +96,8 @@ pub struct Actuation {
     pub sum_sqrt_thrust: f64,
     /// Thrust lost to inflow, all rotors, over the square of the climb speed through the air, N per m²/s².
     pub inflow_n_per_mps2: f64,
+    /// Share by which force and torque may be off because an input of the thrust law (voltage, air density) is unknown.
+    pub doubt: f64,
     /// The climb speed over ground that `force_frd_n` reckons with, in place of that through the air, m/s.
     pub climb_mps: f64,
 }

@@ -324,6 +324,7 @@ impl Aligner {
             torque_frd_nm: w.torque_frd_nm,
             sum_sqrt_thrust,
             inflow_n_per_mps2: self.vehicle.thrust.inflow_n_per_mps2(air) * self.vehicle.rotors.len() as f64,
+            doubt: self.vehicle.thrust.doubt(air),
             climb_mps,
         };
         Some(Aged { value, age_s })

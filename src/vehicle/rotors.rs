@@ -39,6 +39,14 @@ impl ThrustCurve {
         self.inflow_speed_mps.map_or(0.0, |v_max| self.max_n.nominal * self.density_ratio(air) / (v_max * v_max))
     }
 
+    /// Share by which thrust may be off because an input of the law is not known: a battery loses up to a third of a
+    /// rotor's thrust between full and empty, air a fifth between sea level and 2000 m.
+    pub fn doubt(&self, air: Air) -> f64 {
+        let voltage = if self.voltage_ref_v.is_some() && air.voltage_v.is_none() { 0.35 } else { 0.0 };
+        let density = if self.density_ref_kgm3.is_some() && air.density_kgm3.is_none() { 0.2 } else { 0.0 };
+        voltage + density
+    }
+
     fn density_ratio(&self, air: Air) -> f64 {
         match (self.density_ref_kgm3, air.density_kgm3) {
             (Some(rho_ref), Some(rho)) => rho / rho_ref,

@@ -264,7 +264,11 @@ impl WrenchObserver {
         worst
     }
 
+    /// Tells the estimate. Where an input of the thrust law is unknown, the residual holds that error too: the bound is
+    /// widened by it.
     fn publish(&mut self, frame: &Frame, m: &Measurement, residual: f64) {
+        let doubtful_force = (frame.rotation * frame.actuation.force_frd_n).abs() * frame.actuation.doubt;
+        let doubtful_torque = frame.actuation.torque_frd_nm.abs() * frame.actuation.doubt;
         self.estimate.stamp = m.stamp;
         self.estimate.guarantee = Guarantee::Guaranteed;
         self.estimate.residual = residual;
@@ -282,7 +286,7 @@ impl WrenchObserver {
             range = range.intersect(self.admitted[i]).unwrap_or(range);
             let value = value.clamp(range.lo(), range.hi());
             self.estimate.values[i] = value;
-            self.estimate.half_widths[i] = (range.hi() - value).max(value - range.lo());
+            self.estimate.half_widths[i] = (range.hi() - value).max(value - range.lo()) + doubtful_force[i];
         }
         let world = Vector3::from_fn(|i, _| self.filters[3 + i].state()[1]);
         let spread = Vector3::from_fn(|i, _| {
@@ -294,7 +298,7 @@ impl WrenchObserver {
         let body_spread = frame.rotation.abs().tr_mul(&spread);
         for i in 0..3 {
             self.estimate.values[3 + i] = body[i];
-            self.estimate.half_widths[3 + i] = body_spread[i];
+            self.estimate.half_widths[3 + i] = body_spread[i] + doubtful_torque[i];
         }
     }
 
