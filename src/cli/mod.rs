@@ -6,6 +6,7 @@
 pub mod check;
 mod config_args;
 pub mod design;
+pub mod evaluate;
 mod logging;
 mod output;
 pub mod replay;
@@ -38,6 +39,7 @@ enum Command {
     Replay(replay::ReplayArgs),
     Check(check::CheckArgs),
     Sim(sim::SimArgs),
+    Evaluate(evaluate::EvaluateArgs),
     Design(design::DesignArgs),
 }
 
@@ -92,6 +94,7 @@ pub fn run(cli: Cli) -> Result<(), Failure> {
         Command::Replay(args) => replay::run(&args),
         Command::Check(args) => check::run(args),
         Command::Sim(args) => sim::run(&args),
+        Command::Evaluate(args) => evaluate::run(&args),
         Command::Design(args) => design::run(&args),
     }
 }
