@@ -3,8 +3,10 @@
 //! In: arguments. Out: text or JSON on standard output, errors and logs on standard error, and an exit code: 0 done,
 //! 1 failed, 2 wrong usage or config. May import everything.
 
+mod chart;
 pub mod check;
 mod config_args;
+pub mod demo;
 pub mod design;
 pub mod evaluate;
 mod logging;
@@ -40,6 +42,7 @@ enum Command {
     Check(check::CheckArgs),
     Sim(sim::SimArgs),
     Evaluate(evaluate::EvaluateArgs),
+    Demo(demo::DemoArgs),
     Design(design::DesignArgs),
 }
 
@@ -95,6 +98,7 @@ pub fn run(cli: Cli) -> Result<(), Failure> {
         Command::Check(args) => check::run(args),
         Command::Sim(args) => sim::run(&args),
         Command::Evaluate(args) => evaluate::run(&args),
+        Command::Demo(args) => demo::run(&args),
         Command::Design(args) => design::run(&args),
     }
 }

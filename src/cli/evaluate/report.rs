@@ -118,7 +118,9 @@ impl Report {
             let signals: Vec<_> = r
                 .signals
                 .iter()
-                .map(|s| format!("{}: RMSE {:.4}, bias {:+.4}, 95 % {:.4}", s.name, s.stats.rmse, s.stats.bias, s.stats.p95))
+                .map(|s| {
+                    format!("{}: RMSE {:.4}, bias {:+.4}, 95 % {:.4}", s.name, s.stats.rmse, s.stats.bias, s.stats.p95)
+                })
                 .collect();
             let width = r.mean_half_width.map_or(0.0, |w| (r.rmse / w).min(1.0) * 100.0);
             let _ = write!(
@@ -154,14 +156,7 @@ impl Report {
 }
 
 impl Row {
-    fn new(
-        scenario: &str,
-        observer: &str,
-        source: &str,
-        quantity: &str,
-        q: &Quantity,
-        trial: &Trial,
-    ) -> Option<Self> {
+    fn new(scenario: &str, observer: &str, source: &str, quantity: &str, q: &Quantity, trial: &Trial) -> Option<Self> {
         let signals: Vec<SignalRow> = q
             .signals
             .iter()
