@@ -3,9 +3,12 @@
 //! In: arguments. Out: text or JSON on standard output, errors and logs on standard error, and an exit code: 0 done,
 //! 1 failed, 2 wrong usage or config. May import everything.
 
+mod chart;
 pub mod check;
 mod config_args;
+pub mod demo;
 pub mod design;
+pub mod evaluate;
 mod logging;
 mod output;
 pub mod replay;
@@ -38,6 +41,8 @@ enum Command {
     Replay(replay::ReplayArgs),
     Check(check::CheckArgs),
     Sim(sim::SimArgs),
+    Evaluate(evaluate::EvaluateArgs),
+    Demo(demo::DemoArgs),
     Design(design::DesignArgs),
 }
 
@@ -92,6 +97,8 @@ pub fn run(cli: Cli) -> Result<(), Failure> {
         Command::Replay(args) => replay::run(&args),
         Command::Check(args) => check::run(args),
         Command::Sim(args) => sim::run(&args),
+        Command::Evaluate(args) => evaluate::run(&args),
+        Command::Demo(args) => demo::run(&args),
         Command::Design(args) => design::run(&args),
     }
 }

@@ -95,7 +95,8 @@ async fn serve(config: Config) -> Result<Summary, Failure> {
     Ok(daemon.run(fleet, stop).await?)
 }
 
-fn settings(config: &Config) -> Result<Settings, Failure> {
+/// What the daemon is to do by this config.
+pub(super) fn settings(config: &Config) -> Result<Settings, Failure> {
     let mut settings = Settings::new(config.links.clone());
     settings.record.clone_from(&config.record);
     if config.requests.streams {

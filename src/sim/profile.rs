@@ -18,6 +18,14 @@ struct Piece {
     c: Vector3<f64>,
 }
 
+impl Piece {
+    fn end_value(&self) -> Vector3<f64> {
+        // a piece without beginning is constant
+        let s = if self.start_s.is_finite() { self.end_s - self.start_s } else { 0.0 };
+        self.a + (self.b + self.c * s) * s
+    }
+}
+
 impl Profile {
     /// The same value at all times.
     pub fn steady(value: Vector3<f64>) -> Self {
@@ -96,6 +104,18 @@ impl Profile {
         }
     }
 
+    /// Instants at which it jumps or begins a ramp that reaches at least a new value: the beginnings of its pieces, but
+    /// not of those that only hold on to the end of the piece before.
+    pub fn changes(&self) -> impl Iterator<Item = f64> {
+        let held = |p: &Piece| p.b == Vector3::zeros() && p.c == Vector3::zeros();
+        self.pieces.iter().enumerate().filter_map(move |(i, p)| {
+            let before = i.checked_sub(1).and_then(|i| self.pieces.get(i));
+            let joins = before.is_some_and(|b| b.end_s == p.start_s && (b.end_value() - p.a).norm() < 1e-9);
+            let new = p.start_s.is_finite() && !(joins && held(p));
+            new.then_some(p.start_s)
+        })
+    }
+
     fn constant(&mut self, start_s: f64, end_s: f64, a: Vector3<f64>) {
         if end_s > start_s {
             self.pieces.push(Piece { start_s, end_s, a, b: Vector3::zeros(), c: Vector3::zeros() });
@@ -133,6 +153,15 @@ mod tests {
         assert_eq!(Profile::series(&[(2.0, x(7.0))]).at(-1.0).x, 7.0);
         assert_eq!(Profile::series(&[]).at(1.0).x, 0.0);
         assert_eq!(Profile::steady(x(2.0)).at(1e9).x, 2.0);
+    }
+
+    #[test]
+    fn changes_are_where_something_new_begins() {
+        let p = Profile::steps(&[(10.0, x(3.0)), (20.0, x(8.0))], 2.0);
+        assert_eq!(p.changes().collect::<Vec<_>>(), [10.0, 20.0]);
+        assert_eq!(Profile::steady(x(1.0)).changes().count(), 0);
+        let paper: Vec<_> = Profile::paper(x(2.0)).changes().collect();
+        assert_eq!(paper, [5.0, 7.5, 10.0, 12.5, 20.0, 22.5, 27.5, 35.0]);
     }
 
     #[test]

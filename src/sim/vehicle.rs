@@ -103,6 +103,20 @@ impl FlightPlan {
         }
     }
 
+    /// When wind, pushes or faults change, s, in order: what an estimate has to follow.
+    pub fn changes(&self) -> Vec<f64> {
+        let mut times: Vec<f64> = self.wind.changes().collect();
+        for gust in &self.gusts {
+            times.extend([gust.start_s, gust.start_s + gust.rise_s + gust.hold_s]);
+        }
+        times.extend(self.disturbances.iter().flat_map(|d| d.profile.changes()));
+        times.extend(self.faults.iter().flat_map(|f| [f.from_s, f.until_s]));
+        times.retain(|t| t.is_finite());
+        times.sort_by(f64::total_cmp);
+        times.dedup();
+        times
+    }
+
     pub fn loop_s(&self) -> f64 {
         self.step_s * f64::from(self.steps_per_loop.max(1))
     }

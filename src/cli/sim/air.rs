@@ -5,7 +5,7 @@ use std::io::ErrorKind;
 use std::net::{SocketAddr, UdpSocket};
 
 /// The ground stations on the other end: plain UDP sockets that never block the simulation.
-pub(super) struct Air {
+pub(in crate::cli) struct Air {
     links: Vec<Link>,
     dropped: u64,
 }

@@ -9,7 +9,7 @@ use crate::config::LinkUrl;
 use crate::sim::feed::MavlinkGeneration;
 use crate::sim::scenario::{self, Scenario, ScenarioError};
 use crate::sim::{Run, RunOptions};
-use air::Air;
+pub(super) use air::Air;
 use files::Files;
 use report::Report;
 use std::path::PathBuf;

@@ -6,7 +6,8 @@ macro_rules! bundled {
     };
 }
 
-const BUNDLED: [(&str, &str); 11] = [
+const BUNDLED: [(&str, &str); 12] = [
+    bundled!("demo"),
     bundled!("hover"),
     bundled!("wind-steps"),
     bundled!("gusts"),

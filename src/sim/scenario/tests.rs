@@ -14,7 +14,8 @@ fn every_bundled_scenario_is_valid_and_says_what_it_is() {
     for name in names() {
         let s = resolve(name).unwrap_or_else(|e| panic!("{e}"));
         assert_eq!(s.name, name);
-        assert!(!s.description.is_empty() && !s.streams.is_empty());
+        // the demo's streams are asked for by the daemon
+        assert!(!s.description.is_empty() && (name == "demo") == s.streams.is_empty());
     }
 }
 
@@ -32,7 +33,7 @@ fn every_bundled_scenario_flies_as_long_as_it_should() {
         }
         println!("{name}: {:.1} s, {airborne_s:.1} s armed, {frames} frames", run.now_s());
         assert!(airborne_s > 0.6 * run.duration_s(), "{name}: armed for {airborne_s} s only");
-        assert!(frames > 5_000, "{name}: {frames} frames");
+        assert!(frames > 5_000 || name == "demo", "{name}: {frames} frames");
     }
 }
 

@@ -1,0 +1,178 @@
+use super::flight::Flight;
+use crate::cli::Failure;
+use crate::cli::chart::{self, Line, Panel};
+use crate::evaluate::Errors;
+use crate::signal::Stamp;
+use crate::wire::dialect::ardupilotmega::{HEARTBEAT_DATA, MavAutopilot, MavState, MavType};
+use crate::wire::dialect::mavobserver::{MavobserverVerdict, WIND_ESTIMATE_DATA, WRENCH_ESTIMATE_DATA};
+use crate::wire::{Encoder, Event, FrameRef, Parser, decode, message_info};
+use nalgebra::Vector3;
+use std::collections::BTreeMap;
+use std::io::ErrorKind;
+use std::net::{SocketAddr, UdpSocket};
+use std::time::{Duration, Instant};
+
+/// Our messages carry this component.
+const COMPONENT: u8 = crate::outputs::OutputSettings::COMPONENT;
+const HEARTBEAT_EVERY: Duration = Duration::from_secs(1);
+/// How long one call waits for a datagram.
+const PATIENCE: Duration = Duration::from_millis(20);
+
+/// A ground station: says that it is there, decodes what arrives, and holds the estimates against the truth.
+pub(super) struct Ground {
+    socket: UdpSocket,
+    encoder: Encoder,
+    parser: Parser,
+    last_heartbeat: Option<Instant>,
+    pub force: Track,
+    pub torque: Track,
+    pub wind: Track,
+    pub verdict: Option<MavobserverVerdict>,
+    /// Frames by message name, ours and the vehicle's.
+    pub ours: BTreeMap<&'static str, u64>,
+    pub vehicles: u64,
+    /// First and last estimate, on the boot clock, s.
+    pub span_s: Option<(f64, f64)>,
+}
+
+/// One vector over time.
+#[derive(Default)]
+pub(super) struct Track {
+    pub errors: [Errors; 3],
+    pub bounded: u64,
+    pub covered: u64,
+    pub last: Option<(Vector3<f64>, Vector3<f64>)>,
+    /// Time, truth, estimate, half-width.
+    series: Vec<(f64, Vector3<f64>, Vector3<f64>, Vector3<f64>)>,
+}
+
+impl Track {
+    fn add(&mut self, t_s: f64, truth: Vector3<f64>, estimate: Vector3<f64>, half_width: Vector3<f64>) {
+        let error = estimate - truth;
+        for (errors, (e, w)) in self.errors.iter_mut().zip(error.iter().zip(half_width.iter())) {
+            errors.add(*e, *w);
+        }
+        if half_width.iter().all(|w| w.is_finite()) {
+            self.bounded += 1;
+            self.covered += u64::from(error.abs() <= half_width);
+        }
+        self.series.push((t_s, truth, estimate, half_width));
+    }
+
+    fn panel(&self, axis: usize, title: &str, unit: &'static str) -> Panel {
+        let at = |v: &Vector3<f64>| v.get(axis).copied().unwrap_or(f64::NAN);
+        let line = |label, colour, pick: fn(&(f64, Vector3<f64>, Vector3<f64>, Vector3<f64>)) -> Vector3<f64>| Line {
+            label,
+            colour,
+            points: self.series.iter().map(|s| [s.0, at(&pick(s))]).collect(),
+        };
+        let bounded = self.series.iter().filter(|s| at(&s.3).is_finite());
+        Panel {
+            title: title.to_owned(),
+            unit,
+            band: bounded.map(|s| [s.0, at(&s.2) - at(&s.3), at(&s.2) + at(&s.3)]).collect(),
+            lines: vec![line("truth", "#222222", |s| s.1), line("estimate", "#2b6cb0", |s| s.2)],
+        }
+    }
+}
+
+impl Ground {
+    /// A station that speaks to the daemon's ground side.
+    pub fn open(daemon: SocketAddr) -> Result<Self, Failure> {
+        let failed = |e: std::io::Error| Failure::Failed(format!("ground station: {e}"));
+        let socket = UdpSocket::bind("127.0.0.1:0").map_err(failed)?;
+        socket.connect(daemon).map_err(failed)?;
+        socket.set_read_timeout(Some(PATIENCE)).map_err(failed)?;
+        Ok(Self {
+            socket,
+            encoder: Encoder::new(255, 190),
+            parser: Parser::new(),
+            last_heartbeat: None,
+            force: Track::default(),
+            torque: Track::default(),
+            wind: Track::default(),
+            verdict: None,
+            ours: BTreeMap::new(),
+            vehicles: 0,
+            span_s: None,
+        })
+    }
+
+    /// Takes in what has arrived, or waits a moment for it.
+    pub fn listen(&mut self, flight: &Flight) -> Result<(), Failure> {
+        if self.last_heartbeat.is_none_or(|t| t.elapsed() >= HEARTBEAT_EVERY) {
+            self.last_heartbeat = Some(Instant::now());
+            let heartbeat = self.encoder.encode(&HEARTBEAT_DATA {
+                mavtype: MavType::MAV_TYPE_GCS,
+                autopilot: MavAutopilot::MAV_AUTOPILOT_INVALID,
+                system_status: MavState::MAV_STATE_ACTIVE,
+                mavlink_version: 3,
+                ..Default::default()
+            });
+            // the daemon may not listen yet: the next heartbeat reaches it
+            let _ = self.socket.send(heartbeat.bytes());
+        }
+        let mut datagram = [0; 2048];
+        match self.socket.recv(&mut datagram) {
+            Ok(len) => self.parser.push(datagram.get(..len).unwrap_or_default()),
+            Err(e)
+                if matches!(e.kind(), ErrorKind::WouldBlock | ErrorKind::TimedOut | ErrorKind::ConnectionRefused) => {}
+            Err(e) => return Err(Failure::Failed(format!("ground station: {e}"))),
+        }
+        let mut parser = std::mem::take(&mut self.parser);
+        while let Some(event) = parser.next() {
+            if let Event::Frame(frame) = event {
+                self.frame(frame, flight);
+            }
+        }
+        self.parser = parser;
+        Ok(())
+    }
+
+    fn frame(&mut self, frame: FrameRef<'_>, flight: &Flight) {
+        if frame.component_id() != COMPONENT {
+            self.vehicles += 1;
+            return;
+        }
+        *self.ours.entry(message_info(frame.message_id()).map_or("unknown", |i| i.name)).or_default() += 1;
+        if let Some(m) = decode::<WRENCH_ESTIMATE_DATA>(frame) {
+            self.verdict = Some(m.verdict);
+            let t_s = m.time_boot_us as f64 * 1e-6;
+            let (force, torque) = (vector(m.force_ned), vector(m.torque_frd));
+            let (force_width, torque_width) = (vector(m.force_half_width), vector(m.torque_half_width));
+            self.force.last = Some((force, force_width));
+            self.torque.last = Some((torque, torque_width));
+            if let Some(truth) = flight.truth(Stamp::from_secs(t_s)) {
+                let (first, _) = self.span_s.unwrap_or((t_s, t_s));
+                self.span_s = Some((first, t_s));
+                self.force.add(t_s, truth.residual_force_ned_n, force, force_width);
+                self.torque.add(t_s, truth.residual_torque_frd_nm, torque, torque_width);
+            }
+        } else if let Some(m) = decode::<WIND_ESTIMATE_DATA>(frame) {
+            let t_s = m.time_boot_us as f64 * 1e-6;
+            let (wind, width) = (vector(m.wind_ned), vector(m.half_width));
+            self.wind.last = Some((wind, width));
+            if let Some(truth) = flight.truth(Stamp::from_secs(t_s)) {
+                self.wind.add(t_s, truth.wind_ned_mps, wind, width);
+            }
+        }
+    }
+
+    /// The run as SVG.
+    pub fn picture(&self, heading: &str) -> String {
+        chart::svg(
+            heading,
+            &[
+                self.wind.panel(0, "Wind towards north", "m/s"),
+                self.wind.panel(1, "Wind towards east", "m/s"),
+                self.force.panel(0, "Force north", "N"),
+                self.force.panel(1, "Force east", "N"),
+                self.torque.panel(0, "Torque about the roll axis", "N m"),
+            ],
+        )
+    }
+}
+
+fn vector(v: [f32; 3]) -> Vector3<f64> {
+    Vector3::from(v).cast()
+}

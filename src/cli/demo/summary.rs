@@ -1,0 +1,95 @@
+use super::ground::{Ground, Track};
+use crate::sim::scenario::Scenario;
+use serde::Serialize;
+use std::collections::BTreeMap;
+use std::path::PathBuf;
+
+/// What the ground station found.
+#[derive(Debug, Serialize)]
+pub(super) struct Summary {
+    scenario: String,
+    flown_s: f64,
+    frames_from_vehicle: u64,
+    frames_at_ground: u64,
+    estimates: BTreeMap<&'static str, Score>,
+    /// Messages of ours at the ground station, Hz.
+    rates_hz: BTreeMap<&'static str, f64>,
+    files: Vec<PathBuf>,
+}
+
+#[derive(Debug, Serialize)]
+struct Score {
+    unit: &'static str,
+    samples: usize,
+    /// Root mean square of the vector error.
+    rmse: f64,
+    /// Share of instants at which all three components lay within their bounds.
+    coverage: Option<f64>,
+    /// By axis: north, east, down for force and wind; forward, right, down for torque.
+    mean_half_width: [Option<f64>; 3],
+}
+
+impl Summary {
+    pub fn new(
+        scenario: &Scenario,
+        ground: &Ground,
+        frames_from_vehicle: u64,
+        picture: PathBuf,
+        recorded: Vec<PathBuf>,
+    ) -> Self {
+        let tracks = [("force", "N", &ground.force), ("torque", "N m", &ground.torque), ("wind", "m/s", &ground.wind)];
+        let flown_s = ground.span_s.map_or(0.0, |(first, last)| last - first);
+        let rate = |n: &u64| (*n as f64 / scenario.duration_s * 10.0).round() / 10.0;
+        Self {
+            scenario: scenario.name.clone(),
+            flown_s,
+            frames_from_vehicle,
+            frames_at_ground: ground.vehicles,
+            estimates: tracks.into_iter().filter_map(|(name, unit, t)| Some((name, score(unit, t)?))).collect(),
+            rates_hz: ground.ours.iter().map(|(name, n)| (*name, rate(n))).collect(),
+            files: std::iter::once(picture).chain(recorded).collect(),
+        }
+    }
+
+    pub fn has_estimates(&self) -> bool {
+        self.estimates.contains_key("force")
+    }
+
+    pub fn json(&self) -> String {
+        serde_json::to_string_pretty(self).unwrap_or_else(|e| format!("{{\"error\": \"{e}\"}}"))
+    }
+
+    pub fn text(&self) -> String {
+        let mut lines = vec![
+            format!(
+                "{:.1} s in the air; {} frames sent by the vehicle, {} of them at the ground station",
+                self.flown_s, self.frames_from_vehicle, self.frames_at_ground
+            ),
+            String::new(),
+            format!("{:8}{:>14}{:>16}{:>24}", "", "RMSE", "within bound", "bound ±"),
+        ];
+        for (name, s) in &self.estimates {
+            let widths = s.mean_half_width.map(|w| w.map_or_else(|| "–".to_owned(), |w| format!("{w:.2}"))).join(" ");
+            let coverage = s.coverage.map_or_else(|| "–".to_owned(), |c| format!("{:.1} %", c * 100.0));
+            lines.push(format!("{name:8}{:>10.3} {:3}{coverage:>16}{widths:>24}", s.rmse, s.unit));
+        }
+        lines.push(String::new());
+        let rates: Vec<_> = self.rates_hz.iter().map(|(name, hz)| format!("{name} {hz}")).collect();
+        lines.push(format!("received, Hz: {}", rates.join(", ")));
+        let files: Vec<_> = self.files.iter().map(|f| f.display().to_string()).collect();
+        lines.push(format!("written: {}", files.join(", ")));
+        lines.join("\n")
+    }
+}
+
+fn score(unit: &'static str, track: &Track) -> Option<Score> {
+    let [x, y, z] = &track.errors;
+    let stats = [x.stats()?, y.stats()?, z.stats()?];
+    Some(Score {
+        unit,
+        samples: stats[0].samples,
+        rmse: stats.iter().map(|s| s.rmse * s.rmse).sum::<f64>().sqrt(),
+        coverage: (track.bounded > 0).then(|| track.covered as f64 / track.bounded as f64),
+        mean_half_width: stats.map(|s| s.mean_half_width),
+    })
+}
