@@ -88,7 +88,8 @@ impl Trial {
 
     /// Scores the signals that the truth knows, three by three as their names go together.
     fn score(&mut self, source: &'static str, signals: &[Signal], estimate: &Estimate, track: &TruthTrack) {
-        let known = signals.iter().zip(&estimate.values).zip(&estimate.half_widths).filter(|((s, _), _)| is_known(s.name));
+        let known =
+            signals.iter().zip(&estimate.values).zip(&estimate.half_widths).filter(|((s, _), _)| is_known(s.name));
         let known: Vec<_> = known.collect();
         for group in known.chunk_by(|a, b| stem(a.0.0.name) == stem(b.0.0.name)) {
             let Some(((first, _), _)) = group.first() else { continue };

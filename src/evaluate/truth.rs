@@ -1,5 +1,5 @@
-use crate::sim::dynamics::Truth;
 use crate::signal::Stamp;
+use crate::sim::dynamics::Truth;
 use std::collections::VecDeque;
 
 type Reader = fn(&Truth) -> f64;

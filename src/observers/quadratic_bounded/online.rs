@@ -250,6 +250,11 @@ impl WrenchObserver {
             }
             let noise = self.force_noise(frame, i);
             let seen = Interval::centred(self.residual_ned_n[i], noise);
+            let beyond = self.residual_ned_n[i].abs() - noise - self.channels.envelope(i);
+            if beyond > 0.0 {
+                // more than was declared to be possible
+                worst = worst.max(1.0 + beyond / noise);
+            }
             let drift = self.channels.rate(i) * dt_s;
             let before = self.admitted[i] + Interval::centred(0.0, drift);
             match before.intersect(seen) {
@@ -302,8 +307,12 @@ impl WrenchObserver {
         }
     }
 
-    /// While a bound shrinks from a reopening, the declared envelope itself may say more.
+    /// While a bound shrinks from a reopening, the declared envelope itself may say more: unless the accelerometer shows
+    /// a force outside it.
     fn within_envelope(&self, axis: usize, range: Interval) -> Interval {
+        if axis < 3 && self.residual_ned_n[axis].abs() > self.channels.envelope(axis) {
+            return range;
+        }
         range.intersect(Interval::centred(0.0, self.channels.envelope(axis))).unwrap_or(range)
     }
 
