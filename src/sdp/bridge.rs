@@ -118,7 +118,9 @@ pub(super) fn solve(problem: &Problem, scales: &Scales, settings: &Settings) -> 
         q[k] = -v * c[k];
     }
     let single = objective.linear.is_empty() && objective.log_dets.len() == 1;
-    for ((log_weight, _), &Start { first, n, .. }) in objective.log_dets.iter().zip(&starts[problem.constraints().len()..]) {
+    for ((log_weight, _), &Start { first, n, .. }) in
+        objective.log_dets.iter().zip(&starts[problem.constraints().len()..])
+    {
         let helpers = q.len();
         let z = |i: usize, j: usize| helpers + packed(j, i); // i ≥ j
         let t = helpers + n * (n + 1) / 2;
@@ -156,13 +158,7 @@ pub(super) fn solve(problem: &Problem, scales: &Scales, settings: &Settings) -> 
     run(q, rows, scales, &starts, settings)
 }
 
-fn run(
-    q: Vec<f64>,
-    rows: Rows,
-    scales: &Scales,
-    starts: &[Start],
-    settings: &Settings,
-) -> Result<Raw, ProblemError> {
+fn run(q: Vec<f64>, rows: Rows, scales: &Scales, starts: &[Start], settings: &Settings) -> Result<Raw, ProblemError> {
     let refused = |e: &dyn std::fmt::Display| ProblemError::Solver(e.to_string());
     let (m, n) = (rows.b.len(), q.len());
     let a = CscMatrix::new_from_triplets(m, n, rows.row, rows.col, rows.val);
@@ -197,5 +193,12 @@ fn run(
         .collect();
     let trace = |s: &Start| (0..s.n).map(|i| dual(s.first + packed(i, i))).sum::<f64>();
     let margin_pulls = starts.iter().map(|s| s.margin * trace(s)).collect();
-    Ok(Raw { status, x, duals, margin_pulls, iterations: solver.solution.iterations, seconds: solver.solution.solve_time })
+    Ok(Raw {
+        status,
+        x,
+        duals,
+        margin_pulls,
+        iterations: solver.solution.iterations,
+        seconds: solver.solution.solve_time,
+    })
 }

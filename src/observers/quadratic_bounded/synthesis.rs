@@ -10,7 +10,7 @@ use nalgebra::DMatrix;
 const OTHER_STATES: f64 = 0.01;
 
 /// Factors by which an ellipsoid, or a bound, is enlarged in turn until it can be proven between the nodes too.
-const ENLARGEMENTS: [f64; 7] = [1.0 + 1e-4, 1.001, 1.003, 1.01, 1.03, 1.06, 1.1];
+const ENLARGEMENTS: [f64; 6] = [1.001, 1.003, 1.01, 1.03, 1.06, 1.1];
 
 /// Factors by which the error is made to contract faster than asked, in turn, until the rate asked for can be proven
 /// between the nodes too: enlarging the ellipsoid makes no room where the contraction itself is at its limit.
