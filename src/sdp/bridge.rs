@@ -150,6 +150,11 @@ pub(super) fn solve(problem: &Problem, scales: &Scales, settings: &Settings) -> 
             }
         }
     }
+    // the solver's gap has an absolute tolerance: the objective must not be tiny in its eyes
+    let largest = q.iter().fold(0.0, |m: f64, v| m.max(v.abs()));
+    if largest > 0.0 {
+        q.iter_mut().for_each(|v| *v /= largest);
+    }
     run(q, rows, scales, &starts, settings)
 }
 

@@ -54,9 +54,9 @@ impl Solution {
 pub struct Infeasible {
     /// Zᵢ by constraint name.
     pub multipliers: Vec<(String, DMatrix<f64>)>,
-    /// Σ⟨Fᵢ₀, Zᵢ⟩, less what margins ask for, as a share of Σ‖Fᵢ₀‖·‖Zᵢ‖: negative.
+    /// Σ⟨Fᵢ₀, Zᵢ⟩, less what margins ask for, as a share of the sum of its terms' sizes: negative.
     pub gap: f64,
-    /// The largest |Σ⟨Fᵢₖ, Zᵢ⟩| over k, as a share of Σ‖Fᵢₖ‖·‖Zᵢ‖: zero but for rounding.
+    /// The largest |Σ⟨Fᵢₖ, Zᵢ⟩| over k, as a share of the sum of its terms' sizes: zero but for rounding.
     pub residual: f64,
     /// The smallest eigenvalue of any Zᵢ, as a share of its norm.
     pub positivity: f64,
@@ -74,7 +74,7 @@ impl Infeasible {
                 positivity = positivity.min(verify::smallest_eigenvalue(&z) / norm);
             }
             constant += expr.constant_part().dot(&z) - pull;
-            constant_scale += expr.constant_part().norm() * norm;
+            constant_scale += expr.constant_part().component_mul(&z).abs().sum();
             for (&k, f) in expr.terms() {
                 by_unknown[k].0 += f.iter().map(|(&at, v)| v * z[at]).sum::<f64>();
                 by_unknown[k].1 += f.iter().map(|(&at, v)| (v * z[at]).abs()).sum::<f64>();

@@ -44,7 +44,7 @@ pub struct Settings {
     pub scaling: bool,
     /// How often the problem may be solved, each time rescaled at the last answer, until two answers agree.
     pub passes: usize,
-    /// How well two objectives must agree: absolute for a log det, else relative to the larger.
+    /// How well two objectives must agree, as a share of their size.
     pub agreement: f64,
     pub max_iterations: u32,
 }
@@ -253,6 +253,7 @@ impl Problem {
             return Ok(self.judge(raw));
         }
         let mut scales = Scales::from_coefficients(self);
+        let unit = scales.objective_unit(self);
         let mut last: Option<Solution> = None;
         let mut seconds = 0.0;
         let mut outcome = None;
@@ -264,7 +265,7 @@ impl Problem {
             match &judged {
                 Outcome::Infeasible(_) | Outcome::Unbounded(_) => return Ok(judged),
                 Outcome::Optimal(s) => {
-                    if last.as_ref().is_some_and(|l| self.agree(l, s, settings.agreement)) {
+                    if last.as_ref().is_some_and(|l| self.agree(l, s, settings.agreement, unit)) {
                         return Ok(judged);
                     }
                     last = Some(s.clone());
@@ -288,9 +289,11 @@ impl Problem {
         })
     }
 
-    fn agree(&self, a: &Solution, b: &Solution, tolerance: f64) -> bool {
-        let scale = if !self.objective.log_dets.is_empty() { 1.0 } else { a.objective.abs().max(b.objective.abs()) };
-        (a.objective - b.objective).abs() <= tolerance * scale.max(f64::MIN_POSITIVE)
+    /// Whether two answers tell the same, to a share of the objective's size; near zero that is `unit`.
+    fn agree(&self, a: &Solution, b: &Solution, tolerance: f64, unit: f64) -> bool {
+        let logs = if self.objective.log_dets.is_empty() { 0.0 } else { 1.0 };
+        let size = a.objective.abs().max(b.objective.abs()).max(unit).max(logs);
+        (a.objective - b.objective).abs() <= tolerance * size
     }
 
     /// The objective at a point, as the user stated it; `None` when the log det's matrix is not positive there.

@@ -13,6 +13,36 @@ pub(super) struct Scales {
     pub(super) unknowns: Vec<f64>,
 }
 
+/// Sweeps of the least-squares scaling at most.
+const SWEEPS: usize = 200;
+
+/// One number of a problem: an entry of F₀ or of an Fₖ.
+struct Entry {
+    block: usize,
+    row: usize,
+    col: usize,
+    unknown: Option<usize>,
+    log: f64,
+}
+
+/// Every entry on or above the diagonal that is not zero.
+fn entries(problem: &Problem) -> Vec<Entry> {
+    let mut out = Vec::new();
+    for (block, e) in blocks(problem).enumerate() {
+        let mut push = |row: usize, col: usize, unknown, v: f64| {
+            if row <= col && v != 0.0 {
+                out.push(Entry { block, row, col, unknown, log: v.abs().ln() });
+            }
+        };
+        let constant = e.constant_part();
+        (0..constant.ncols()).for_each(|j| (0..=j).for_each(|i| push(i, j, None, constant[(i, j)])));
+        for (&k, f) in e.terms() {
+            f.iter().for_each(|(&(i, j), &v)| push(i, j, Some(k), v));
+        }
+    }
+    out
+}
+
 fn blocks(problem: &Problem) -> impl Iterator<Item = &Affine> {
     problem.blocks().map(|(_, e)| e)
 }
@@ -30,11 +60,13 @@ impl Scales {
         }
     }
 
-    /// Equilibrates the coefficients (Ruiz's iteration, kept symmetric): afterwards the largest entry of each block
-    /// row and of each unknown's coefficients is about one.
+    /// Makes the coefficients comparable: first in the least-squares sense of logarithms (Curtis and Reid's scaling,
+    /// kept symmetric), which also carries the size of constants over to blocks that have none; then so that no entry
+    /// exceeds one (Ruiz's iteration).
     pub(super) fn from_coefficients(problem: &Problem) -> Self {
         let mut s = Self::none(problem);
-        for _ in 0..20 {
+        s.balance_logarithms(&entries(problem));
+        for _ in 0..10 {
             s.balance_unknowns(problem, 0.5);
             for (e, d) in blocks(problem).zip(&mut s.blocks) {
                 let mut largest = vec![0.0_f64; d.len()];
@@ -53,13 +85,63 @@ impl Scales {
                     }
                 }
                 for (d, m) in d.iter_mut().zip(largest) {
-                    if m > 0.0 {
+                    // only shrink: what is small already is so by the choice above
+                    if m > 1.0 {
                         *d /= m.sqrt();
                     }
                 }
             }
         }
         s.rounded()
+    }
+
+    /// Minimises Σ (ln|v| + ln c + ln dᵢ + ln dⱼ)² over all entries v, one unknown after the other (Gauss–Seidel).
+    fn balance_logarithms(&mut self, entries: &[Entry]) {
+        let mut logs = vec![0.0; self.unknowns.len()];
+        let mut rows: Vec<Vec<f64>> = self.blocks.iter().map(|d| vec![0.0; d.len()]).collect();
+        for _ in 0..SWEEPS {
+            let mut sums = vec![(0.0, 0.0); logs.len()];
+            for e in entries {
+                if let Some(k) = e.unknown {
+                    sums[k].0 += e.log + rows[e.block][e.row] + rows[e.block][e.col];
+                    sums[k].1 += 1.0;
+                }
+            }
+            let mut moved: f64 = 0.0;
+            for (log, (sum, count)) in logs.iter_mut().zip(sums) {
+                if count > 0.0 {
+                    moved = moved.max((*log + sum / count).abs());
+                    *log = -sum / count;
+                }
+            }
+            // a row meets its own entries twice on the diagonal; all rows at once, so each takes half its step
+            let mut sums: Vec<Vec<(f64, f64)>> = rows.iter().map(|r| vec![(0.0, 0.0); r.len()]).collect();
+            for e in entries {
+                let left = e.log + e.unknown.map_or(0.0, |k| logs[k]) + rows[e.block][e.row] + rows[e.block][e.col];
+                let weight = if e.row == e.col { 2.0 } else { 1.0 };
+                for at in [e.row, e.col] {
+                    let sum = &mut sums[e.block][at];
+                    *sum = (sum.0 + left, sum.1 + weight);
+                }
+            }
+            for (rows, sums) in rows.iter_mut().zip(sums) {
+                for (row, (sum, count)) in rows.iter_mut().zip(sums) {
+                    if count > 0.0 {
+                        *row -= 0.5 * sum / count;
+                        moved = moved.max((sum / count).abs());
+                    }
+                }
+            }
+            if moved < 0.1 {
+                break;
+            }
+        }
+        for (c, log) in self.unknowns.iter_mut().zip(logs) {
+            *c = log.clamp(-300.0, 300.0).exp();
+        }
+        for (d, log) in self.blocks.iter_mut().flatten().zip(rows.into_iter().flatten()) {
+            *d = log.clamp(-300.0, 300.0).exp();
+        }
     }
 
     /// Brings the rows of every block to unit size at a point, and the unknowns' coefficients to one. `None` when the
@@ -81,16 +163,23 @@ impl Scales {
                     }
                 }
             }
-            // an entry that is (nearly) zero keeps its scale
+            // an entry that is (nearly) zero says nothing about its units and keeps its scale; none moves far at once,
+            // for the answer may be zero
             let typical = d.iter().zip(&sizes).map(|(d, v)| v * d * d).fold(0.0, f64::max);
             for (d, v) in d.iter_mut().zip(sizes) {
-                if v * *d * *d > 1e-12 * typical {
-                    *d = v.sqrt().recip();
+                let size = v * *d * *d;
+                if size > 1e-12 * typical {
+                    *d /= size.clamp(1e-6, 1e6).sqrt();
                 }
             }
         }
         s.balance_unknowns(problem, 1.0);
         Some(s.rounded())
+    }
+
+    /// What one scaled unit of an unknown may change in a linear objective.
+    pub(super) fn objective_unit(&self, problem: &Problem) -> f64 {
+        problem.objective().linear.iter().map(|(&k, q)| (q * self.unknowns[k]).abs()).fold(0.0, f64::max)
     }
 
     fn balance_unknowns(&mut self, problem: &Problem, exponent: f64) {

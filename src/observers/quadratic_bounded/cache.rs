@@ -246,3 +246,98 @@ fn write(directory: &Path, path: &Path, entry: &Entry) -> std::io::Result<()> {
         let _ = std::fs::remove_file(&part);
     })
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::observers::quadratic_bounded::step_nodes;
+    use nalgebra::dmatrix;
+
+    fn axis() -> SampledPlant {
+        SampledPlant {
+            a: dmatrix![0.0, 1.0; 0.0, 0.0],
+            process: vec![NoiseBlock::scalar(2, 1, 10.0)],
+            c: dmatrix![1.0, 0.0; 0.0, 1.0],
+            output: vec![NoiseBlock::scalar(2, 0, 0.3), NoiseBlock::scalar(2, 1, 1.5)],
+            e1: DMatrix::identity(2, 2),
+        }
+    }
+
+    fn nodes() -> Vec<f64> {
+        step_nodes(0.01, 0.03, 3)
+    }
+
+    fn only_file(directory: &Path) -> PathBuf {
+        let files: Vec<_> = std::fs::read_dir(directory).unwrap().map(|f| f.unwrap().path()).collect();
+        assert_eq!(files.len(), 1, "{files:?}");
+        files[0].clone()
+    }
+
+    #[test]
+    fn a_kept_design_comes_back_without_the_solver() {
+        let home = tempfile::tempdir().unwrap();
+        let cache = Cache::Directory(home.path().join("not/yet/there"));
+        let made = cache.sampled(&axis(), 3.0, &nodes()).unwrap();
+        let kept = cache.sampled(&axis(), 3.0, &nodes()).unwrap();
+        assert!(made.solve_s > 0.0 && kept.solve_s == 0.0);
+        assert_eq!(SampledDesign { solve_s: made.solve_s, ..kept }, made);
+        // other inputs are other designs
+        assert!(cache.sampled(&axis(), 3.1, &nodes()).unwrap().solve_s > 0.0);
+    }
+
+    #[test]
+    fn a_damaged_or_doctored_file_is_redone() {
+        let home = tempfile::tempdir().unwrap();
+        let cache = Cache::Directory(home.path().to_owned());
+        let honest = cache.sampled(&axis(), 3.0, &nodes()).unwrap();
+        let file = only_file(home.path());
+        let text = std::fs::read_to_string(&file).unwrap();
+        let mut lies: Vec<String> = vec![String::new(), "{}".into(), text[..text.len() / 2].into()];
+        let mut doctored = |change: &dyn Fn(&mut serde_json::Value)| {
+            let mut value: serde_json::Value = serde_json::from_str(&text).unwrap();
+            change(&mut value);
+            lies.push(value.to_string());
+        };
+        // a smaller ellipsoid, no gain, a bound that does not grow, an output used in secret, weights from nothing
+        doctored(&|v| v["core"]["p"] = serde_json::json!([[9e9, 0.0], [0.0, 9e9]]));
+        doctored(&|v| v["core"]["p"] = serde_json::json!([[-1.0, 0.0], [0.0, 1.0]]));
+        doctored(&|v| v["core"]["p"] = serde_json::json!([[1.0]]));
+        doctored(&|v| v["core"]["gains"][0] = serde_json::json!([[0.0, 0.0], [0.0, 0.0]]));
+        doctored(&|v| v["core"]["partial"][0]["growth"] = serde_json::json!([0.5, 0.5, 0.5]));
+        doctored(&|v| v["core"]["partial"][1]["gains"] = v["core"]["partial"][2]["gains"].clone());
+        doctored(&|v| v["core"]["shares"] = serde_json::json!([[9.0, 9.0, 9.0], [9.0, 9.0, 9.0], [9.0, 9.0, 9.0]]));
+        doctored(&|v| v["core"]["nodes"] = serde_json::json!([0.01, 0.011, 0.012]));
+        doctored(&|v| v["core"]["partial"] = serde_json::json!([]));
+        doctored(&|v| v["inputs"]["alpha"] = serde_json::json!(30.0));
+        for lie in &lies {
+            std::fs::write(&file, lie).unwrap();
+            let redone = cache.sampled(&axis(), 3.0, &nodes()).unwrap();
+            assert!(redone.solve_s > 0.0, "believed {lie}");
+            assert_eq!(redone.p, honest.p);
+        }
+    }
+
+    #[test]
+    fn a_cache_that_cannot_be_written_does_no_harm() {
+        let home = tempfile::tempdir().unwrap();
+        let file = home.path().join("file");
+        std::fs::write(&file, "in the way").unwrap();
+        assert!(Cache::Directory(file).sampled(&axis(), 3.0, &nodes()).is_ok());
+        assert!(Cache::Off.sampled(&axis(), 3.0, &nodes()).is_ok());
+    }
+
+    #[test]
+    fn every_input_changes_the_key() {
+        let key = |p: &SampledPlant, alpha, nodes: &[f64]| Inputs::of(p, alpha, nodes).hash();
+        let mut other = axis();
+        other.process[0].w[(0, 0)] = 1e-12;
+        let keys = [
+            key(&axis(), 3.0, &nodes()),
+            key(&axis(), 3.0 + 1e-15, &nodes()),
+            key(&axis(), 3.0, &nodes()[..2]),
+            key(&other, 3.0, &nodes()),
+            key(&SampledPlant { e1: dmatrix![0.0, 1.0], ..axis() }, 3.0, &nodes()),
+        ];
+        assert!((0..keys.len()).all(|i| (0..i).all(|j| keys[i] != keys[j])));
+    }
+}

@@ -21,7 +21,8 @@ use crate::sdp::verify;
 use crate::sets::Interval;
 use nalgebra::DMatrix;
 
-/// What rounding outside the enclosures may cost: the coefficients of the polynomials and R⁻¹ are rounded once.
+/// What rounding may cost outside the enclosures: in the coefficients of the polynomials, in R⁻¹, and in N at single
+/// step lengths, all of whose terms are at most one.
 const SLACK: f64 = 1e-10;
 
 /// Cells smaller than this share of a node gap are given up.
@@ -227,35 +228,62 @@ impl Enclosures<'_> {
 
     /// A lower bound on the smallest eigenvalue of N at one step length.
     fn smallest(&self, a: &Node, b: &Node, dt_s: f64) -> f64 {
-        let (middle, deviation) = self.enclosure(a, b, Interval::point(dt_s)).value();
-        verify::smallest_eigenvalue(&middle) - deviation - SLACK
+        let span = b.dt_s - a.dt_s;
+        let s = if span > 0.0 { (dt_s - a.dt_s) / span } else { 0.0 };
+        verify::smallest_eigenvalue(&self.frame.at(a, b, s, dt_s, self.growth)) - SLACK
     }
 
     fn prove(&self, nodes: &[Node]) -> Verdict {
         let mut margin = f64::INFINITY;
         for (a, b) in pairs(nodes) {
-            let mut open = vec![(a.dt_s, self.smallest(a, b, a.dt_s), b.dt_s, self.smallest(a, b, b.dt_s))];
-            while let Some((lo, at_lo, hi, at_hi)) = open.pop() {
-                for (dt_s, value) in [(lo, at_lo), (hi, at_hi)] {
-                    // NaN counts as failure
-                    if value.is_nan() || value <= 0.0 {
-                        return Verdict::Refuted { dt_s };
-                    }
+            let curvature = |lo, hi| self.enclosure(a, b, Interval::new(lo, hi)).second_norm();
+            let end = |dt_s| (dt_s, self.smallest(a, b, dt_s));
+            let whole = Cell { lo: end(a.dt_s), hi: end(b.dt_s), curvature: curvature(a.dt_s, b.dt_s), age: 0 };
+            let mut open = vec![whole];
+            while let Some(mut cell) = open.pop() {
+                // NaN counts as failure
+                if let Some((dt_s, _)) =
+                    [cell.lo, cell.hi].into_iter().find(|(_, value)| value.is_nan() || *value <= 0.0)
+                {
+                    return Verdict::Refuted { dt_s };
                 }
-                let sag = (hi - lo).powi(2) / 8.0 * self.enclosure(a, b, Interval::new(lo, hi)).second_norm();
-                let left = at_lo.min(at_hi) - sag;
-                if left > 0.0 {
-                    margin = margin.min(left);
-                } else if hi - lo < SMALLEST_CELL * (b.dt_s - a.dt_s) {
-                    return Verdict::Open { dt_s: lo };
+                if cell.least() <= 0.0 && cell.age == RENEWED_AFTER {
+                    (cell.curvature, cell.age) = (curvature(cell.lo.0, cell.hi.0), 0);
+                }
+                let width = cell.hi.0 - cell.lo.0;
+                if cell.least() > 0.0 {
+                    margin = margin.min(cell.least());
+                } else if width < SMALLEST_CELL * (b.dt_s - a.dt_s) {
+                    return Verdict::Open { dt_s: cell.lo.0 };
                 } else {
-                    let middle = 0.5 * (lo + hi);
-                    let at_middle = self.smallest(a, b, middle);
-                    open.push((lo, at_lo, middle, at_middle));
-                    open.push((middle, at_middle, hi, at_hi));
+                    let middle = end(0.5 * (cell.lo.0 + cell.hi.0));
+                    open.push(Cell { hi: middle, age: cell.age + 1, ..cell });
+                    open.push(Cell { lo: middle, age: cell.age + 1, ..cell });
                 }
             }
         }
         Verdict::Proven { margin }
+    }
+}
+
+/// Halvings after which a cell's curvature is enclosed anew: it costs as much as dozens of single step lengths.
+const RENEWED_AFTER: u32 = 3;
+
+/// A range of step lengths with the smallest eigenvalue of N at its ends and a bound on ‖N″‖ within.
+#[derive(Clone, Copy)]
+struct Cell {
+    lo: (f64, f64),
+    hi: (f64, f64),
+    curvature: f64,
+    /// Halvings since the curvature was enclosed.
+    age: u32,
+}
+
+impl Cell {
+    /// A lower bound on the smallest eigenvalue of N over the cell.
+    fn least(&self) -> f64 {
+        let sag = (self.hi.0 - self.lo.0).powi(2) / 8.0 * self.curvature;
+        let least = self.lo.1.min(self.hi.1) - sag;
+        if least.is_nan() { f64::NEG_INFINITY } else { least }
     }
 }

@@ -1,3 +1,4 @@
+use super::detect::unseen_motion;
 use super::plant::{Plant, PlantError, factor, half_widths, over, projected, unit_ball, volume};
 use super::riccati::stabilising;
 use super::sampled::DesignError;
@@ -7,6 +8,10 @@ use nalgebra::DMatrix;
 
 /// Room asked for in the inequality (7), far above rounding and without visible cost in the bound.
 const MARGIN: f64 = 1e-7;
+
+/// Weight of tr P beside z's part of it: it settles the states that z leaves free, at no cost, since one P is largest
+/// for all.
+const OTHER_STATES: f64 = 0.01;
 
 /// Rates at which a front is first computed, from this share of the fastest up to it.
 const FRONT: usize = 60;
@@ -95,9 +100,9 @@ impl<'a> Unit<'a> {
     /// Solves (31) with (7) and (30) in the coordinates x = T·x̃; gives P and the time it took.
     ///
     /// Y is eliminated (see `riccati`), which leaves (7) as [−(A_αᵀP + PA_α) + α·CᵀR⁻¹C, PG₁; ·, αI] ⪰ 0. With the
-    /// Riccati solution as T, P̃ = I and, in coordinates of z with E₁TTᵀE₁ᵀ = I, X̃ = I are expected, and instead of log det X̃
-    /// its tangent there, tr X̃, is maximised: log det is concave, so where the tangent is largest, log det is. Without
-    /// it the program is solved as it stands.
+    /// Riccati solution as T, and coordinates of z with E₁E₁ᵀ = I, the answer P̃ = I is expected. Then log det P_z is
+    /// replaced by its tangent there, tr(E₁P̃E₁ᵀ): log det P_z is concave in P̃, so where the tangent is largest, it is.
+    /// Without a reference the program is solved as it stands, with X.
     fn solve(&self, alpha: f64, coordinates: Option<&DMatrix<f64>>) -> Result<(DMatrix<f64>, f64), DesignError> {
         let n = self.plant.a.nrows();
         let t = coordinates.cloned().unwrap_or_else(|| DMatrix::identity(n, n));
@@ -107,25 +112,24 @@ impl<'a> Unit<'a> {
         let (c, g1) = (&self.c * &t, &t_inv * &self.g1);
         let e1 = &self.plant.e1 * &t;
         let e1 = over(&e1.transpose(), &factor("E1", &(&e1 * e1.transpose()))?).transpose();
-        let q = e1.nrows();
         let mut problem = Problem::new();
         let p = problem.symmetric(n);
-        let x = problem.symmetric(q);
         // divided by α, so that it says the same at every rate
         let decay = Affine::constant(c.transpose() * &c) - (1.0 / alpha) * (&p * &a).plus_transpose();
         let driven = (1.0 / alpha) * (&p * &g1).transpose();
         let seven = Affine::symmetric_block(&[vec![decay], vec![driven, Affine::identity(g1.ncols())]]);
         problem.positive_by("(7)", seven, MARGIN);
-        problem.positive("P ⪰ E₁ᵀXE₁", &p - &e1.transpose() * &x * &e1);
         if coordinates.is_some() {
-            problem.maximize(x.trace());
+            problem.maximize((&e1 * &p * &e1.transpose()).trace() + OTHER_STATES * p.trace());
         } else {
+            let x = problem.symmetric(e1.nrows());
+            problem.positive("P ⪰ E₁ᵀXE₁", &p - &e1.transpose() * &x * &e1);
             problem.maximize_log_det(1.0, &x);
         }
         let settings = Settings { scaling: coordinates.is_none(), ..Settings::default() };
         match problem.solve(&settings)? {
             Outcome::Optimal(s) => Ok((t_inv.transpose() * s.value(&p) * &t_inv, s.seconds)),
-            other => Err(DesignError::refusal(alpha, other)),
+            other => Err(DesignError::refusal(&self.plant.a, &self.plant.c, alpha, other)),
         }
     }
 
@@ -199,7 +203,7 @@ pub fn choose_rates(plant: &Plant, fastest: f64, mus: &[f64]) -> Result<(TradeOf
     };
     let coarse = TradeOff::of(&front).ok_or_else(|| DesignError::Infeasible {
         alpha: fastest,
-        why: "the plant is not detectable, or a state is not disturbed".into(),
+        why: unseen_motion(&plant.a, &plant.c, fastest).unwrap_or_else(|| "no rate has a solution".into()),
     })?;
     front.extend(refine(&front, coarse.smallest.0, &|p| p.1));
     front.sort_by(|a, b| a.0.total_cmp(&b.0));

@@ -28,11 +28,27 @@ impl Jet {
     }
 
     pub(super) fn times(self, o: Self) -> Self {
+        // most factors are constants, many of them zero
+        match (self.as_constant(), o.as_constant()) {
+            (Some(0.0), _) | (_, Some(0.0)) => return Self::constant(0.0),
+            (Some(k), _) => return o.by_constant(k),
+            (_, Some(k)) => return self.by_constant(k),
+            (None, None) => {}
+        }
         Self {
             value: self.value * o.value,
             first: self.first * o.value + self.value * o.first,
             second: self.second * o.value + (self.first * o.first) * 2.0 + self.value * o.second,
         }
+    }
+
+    fn as_constant(self) -> Option<f64> {
+        let flat = self.first.mag() == 0.0 && self.second.mag() == 0.0;
+        (flat && self.value.lo() == self.value.hi()).then(|| self.value.lo())
+    }
+
+    fn by_constant(self, k: f64) -> Self {
+        Self { value: self.value * k, first: self.first * k, second: self.second * k }
     }
 
     /// 1/f; nothing is known when f may be zero or negative.
@@ -101,12 +117,6 @@ impl JetMatrix {
     pub(super) fn transpose(&self) -> Self {
         let at = (0..self.rows * self.cols).map(|k| self.get(k % self.rows, k / self.rows)).collect();
         Self { rows: self.cols, cols: self.rows, at }
-    }
-
-    /// Middle values, and a bound on the spectral norm of the deviation from them.
-    pub(super) fn value(&self) -> (DMatrix<f64>, f64) {
-        let mid = DMatrix::from_fn(self.rows, self.cols, |i, j| self.get(i, j).value.mid());
-        (mid, frobenius(self.at.iter().map(|x| x.value.radius())))
     }
 
     /// A bound on the spectral norm of the second derivative.

@@ -6,6 +6,7 @@
 //! | `sampled` | the design that runs: a certificate for held samples (DESIGN §6.2) |
 //! | `design` | the paper's continuous design; `paper`: its plant; `declared`: a vehicle's; `riccati`: its closed form |
 //! | `synthesis` | its semidefinite programs |
+//! | `detect` | why a plant has no observer |
 //! | `certify` | the proof of that certificate at every step length; `flow`, `jet`: what it computes with |
 //! | `cache` | designs kept on disk |
 //! | `channels` | one design for each world axis of a vehicle, from its declared bounds; the registration |
@@ -17,6 +18,7 @@ mod certify;
 mod channels;
 mod declared;
 mod design;
+mod detect;
 mod filter;
 mod flow;
 mod jet;
@@ -36,5 +38,5 @@ pub use design::{ContinuousDesign, choose_rates, design_continuous};
 pub use filter::Filter;
 pub use online::WrenchObserver;
 pub use plant::{NoiseBlock, Plant, PlantError, SampledPlant, half_widths, projected, volume};
-pub use sampled::{Certificate, DesignError, PartialStep, SampledDesign, design_sampled, step_nodes};
+pub use sampled::{Certificate, DesignError, PartialStep, SampledDesign, choose_rate, design_sampled, step_nodes};
 pub use tradeoff::TradeOff;

@@ -1,5 +1,6 @@
 use super::certify::Verdict;
 use super::flow::square_root;
+use super::plant::{projected, volume};
 use super::sampled::{Core, DesignError, PartialStep, Prepared, prove_decay, prove_partial};
 use crate::sdp::{Affine, Outcome, Problem, Settings, Solution};
 use nalgebra::DMatrix;
@@ -9,7 +10,7 @@ use nalgebra::DMatrix;
 const OTHER_STATES: f64 = 0.01;
 
 /// Factors by which an ellipsoid, or a bound, is enlarged in turn until it can be proven between the nodes too.
-const ENLARGEMENTS: [f64; 7] = [1.0 + 1e-4, 1.001, 1.003, 1.01, 1.03, 1.06, 1.1];
+const ENLARGEMENTS: [f64; 6] = [1.001, 1.003, 1.01, 1.03, 1.06, 1.1];
 
 /// Factors by which the error is made to contract faster than asked, in turn, until the rate asked for can be proven
 /// between the nodes too: enlarging the ellipsoid makes no room where the contraction itself is at its limit.
@@ -41,6 +42,14 @@ fn proven_decay(prepared: &Prepared<'_>, nodes: &[f64]) -> Result<(Core, f64), D
         }
     }
     Err(refused.unwrap_or(DesignError::Steps))
+}
+
+/// Volume of z's ellipsoid at the solver's optimum, before anything is enlarged or proven: for comparing rates.
+pub(super) fn volume_at(prepared: &Prepared<'_>, nodes: &[f64]) -> Result<f64, DesignError> {
+    let (core, _) = decay(prepared, nodes, 1.0)?;
+    let volume = projected(&core.p, &prepared.plant.e1).and_then(|z| volume(&z));
+    let not_verified = || DesignError::NotVerified { alpha: prepared.alpha, what: "P_z".into(), margin: 0.0 };
+    volume.map(|(volume, _)| volume).ok_or_else(not_verified)
 }
 
 /// Largest det X with X ⪯ P_z subject to the step inequality at every node, with one P for all.
@@ -83,7 +92,7 @@ fn decay(prepared: &Prepared<'_>, nodes: &[f64], haste: f64) -> Result<(Core, f6
     }
     let solution = match problem.solve(&Settings::default())? {
         Outcome::Optimal(s) => s,
-        other => return Err(DesignError::refusal(alpha, other)),
+        other => return Err(prepared.refusal(other)),
     };
     let p = solution.value(&p);
     // whatever the solver gave, `frame` refuses a P that is not positive
@@ -199,7 +208,7 @@ fn partial_step(
         // near-optimal is enough here: the proof below decides
         let solution = match problem.solve(&Settings { passes: 1, ..Settings::default() })? {
             Outcome::Optimal(s) | Outcome::Inaccurate { best: Some(s), .. } => s,
-            other => return Err(DesignError::refusal(prepared.alpha, other)),
+            other => return Err(prepared.refusal(other)),
         };
         *seconds += solution.seconds;
         best.gains.push(frame.gain_back(&solution.value(&gain)));

@@ -1,0 +1,69 @@
+//! `mavobserver design`: the published numbers through the front door, and what bad input gets.
+
+use assert_cmd::Command;
+use serde_json::Value;
+
+fn design(args: &[&str]) -> std::process::Output {
+    let mut command = Command::cargo_bin("mavobserver").unwrap();
+    command.args(["design", "quadratic-bounded"]).args(args).output().unwrap()
+}
+
+fn matrix(v: &Value) -> Vec<Vec<f64>> {
+    serde_json::from_value(v.clone()).unwrap()
+}
+
+fn times(a: &[Vec<f64>], b: &[Vec<f64>]) -> Vec<Vec<f64>> {
+    let cell = |i: usize, j: usize| a[i].iter().zip(b).map(|(x, row)| x * row[j]).sum();
+    (0..a.len()).map(|i| (0..b[0].len()).map(|j| cell(i, j)).collect()).collect()
+}
+
+#[test]
+fn published_numbers_come_as_one_json_object() {
+    let out = design(&["--alpha", "0.17,2", "--mu", "0.95", "--json"]);
+    assert!(out.status.success(), "{}", String::from_utf8_lossy(&out.stderr));
+    let v: Value = serde_json::from_slice(&out.stdout).unwrap();
+    assert_eq!(v["plant"], "cayero-hummingbird");
+    let rows = v["rows"].as_array().unwrap();
+    assert_eq!(rows.len(), 2);
+    for (row, volume) in rows.iter().zip([0.00726, 14.14]) {
+        assert!((row["volume"].as_f64().unwrap() / volume - 1.0).abs() < 0.01);
+        assert_eq!(row["verified"], true);
+        assert!(row["margin"].as_f64().unwrap() > 0.0 && row["solve_s"].as_f64().unwrap() > 0.0);
+        let (a, c, gain) = (matrix(&row["A"]), matrix(&row["C"]), matrix(&row["gain"]));
+        assert_eq!((a.len(), c.len(), gain.len(), gain[0].len()), (24, 9, 24, 9));
+        // the observer's own matrix is A + LC
+        let (closed, lc) = (matrix(&row["closed_loop"]), times(&gain, &c));
+        assert!((0..24).all(|i| (0..24).all(|j| (closed[i][j] - a[i][j] - lc[i][j]).abs() < 1e-9)));
+        assert_eq!(matrix(&row["P"]).len(), 24);
+    }
+    let selected = &v["selected"][0];
+    assert_eq!(selected["mu"], 0.95);
+    assert!((selected["alpha"].as_f64().unwrap() / 2.77 - 1.0).abs() < 0.02);
+    assert!((selected["volume"].as_f64().unwrap() / 45.8 - 1.0).abs() < 0.02);
+}
+
+#[test]
+fn a_vehicle_is_designed_from_what_it_declares() {
+    let out = design(&["--plant", "px4-sih", "--alpha", "2"]);
+    assert!(out.status.success(), "{}", String::from_utf8_lossy(&out.stderr));
+    let text = String::from_utf8(out.stdout).unwrap();
+    assert!(text.contains("px4-sih: r = 1, 12 states"), "{text}");
+}
+
+#[test]
+fn bad_input_is_one_clear_error_and_exit_code_two() {
+    for (args, expected) in [
+        (&["--alpha", "0"][..], "expected a positive number"),
+        (&["--alpha", "fast"], "expected a positive number"),
+        (&["--mu", "1.5"], "expected a number from 0 to 1"),
+        (&["--plant", "px4-si"], "did you mean `px4-sih`"),
+        (&["--plant", "px4-sih", "--r", "3"], "no higher derivative"),
+        (&["--r", "0"], "0 is not in 1..=6"),
+    ] {
+        let out = design(args);
+        let said = String::from_utf8_lossy(&out.stderr);
+        assert_eq!(out.status.code(), Some(2), "{args:?}: {said}");
+        assert!(said.contains(expected), "{args:?}: {said}");
+        assert!(out.stdout.is_empty());
+    }
+}
