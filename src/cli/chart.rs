@@ -73,7 +73,7 @@ impl Panel {
         let (low, high) = span(band.chain([low, high]));
         let axes = Axes { x: [start, end], y: [low, high], top };
         // writing to a String cannot fail
-        let _ = write!(out, "<text x=\"{LEFT}\" y=\"{}\">{}, {}</text>\n", top - 6.0, escape(&self.title), self.unit);
+        let _ = writeln!(out, "<text x=\"{LEFT}\" y=\"{}\">{}, {}</text>", top - 6.0, escape(&self.title), self.unit);
         self.grid(out, &axes, last);
         self.draw_band(out, &axes);
         for (i, line) in self.lines.iter().enumerate() {
@@ -105,10 +105,10 @@ impl Panel {
         let (right, bottom) = (WIDTH - RIGHT, axes.top + PANEL);
         for v in ticks(axes.y[0], axes.y[1], 4.0) {
             let y = axes.y(v);
-            let _ = write!(
+            let _ = writeln!(
                 out,
                 "<line x1=\"{LEFT}\" y1=\"{y:.1}\" x2=\"{right}\" y2=\"{y:.1}\" stroke=\"#ddd\"/>\
-                 <text x=\"{}\" y=\"{:.1}\" text-anchor=\"end\" fill=\"#555\">{}</text>\n",
+                 <text x=\"{}\" y=\"{:.1}\" text-anchor=\"end\" fill=\"#555\">{}</text>",
                 LEFT - 6.0,
                 y + 4.0,
                 tidy(v)

@@ -57,7 +57,7 @@ pub fn settle(series: &[Instant], changes: &[f64], least: f64) -> Settling {
             continue;
         }
         let span = series.iter().filter(|i| start <= i.t_s && i.t_s < stop);
-        let last_wrong = span.filter(|i| (i.estimate - i.truth).norm() > SHARE * size).last();
+        let last_wrong = span.filter(|i| (i.estimate - i.truth).norm() > SHARE * size).next_back();
         match last_wrong {
             None => out.times_s.push(0.0),
             Some(i) if stop - i.t_s > QUIET_S => out.times_s.push(i.t_s - start),

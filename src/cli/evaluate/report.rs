@@ -123,11 +123,11 @@ impl Report {
                 })
                 .collect();
             let width = r.mean_half_width.map_or(0.0, |w| (r.rmse / w).min(1.0) * 100.0);
-            let _ = write!(
+            let _ = writeln!(
                 rows,
                 "<tr class=\"{}\" title=\"{}\"><th>{}</th><td>{}</td><td>{}</td><td class=n>{:.3} {}</td><td class=n>{}</td>\
                  <td class=n>{}</td><td><div class=bar><i style=\"width:{width:.0}%\"></i></div></td><td class=n>{}</td>\
-                 <td class=n>{}</td><td class=n>{:.1}</td></tr>\n",
+                 <td class=n>{}</td><td class=n>{:.1}</td></tr>",
                 if first { "first" } else { "" },
                 escape(&signals.join("\n")),
                 escape(if first { &r.scenario } else { "" }),
