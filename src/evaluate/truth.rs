@@ -82,7 +82,7 @@ mod tests {
         let end = v.now().truth.stamp;
         assert_eq!(track.at(end.plus_secs(0.01)).unwrap().stamp, end);
         assert_eq!(track.at(end.plus_secs(-1.0001)).unwrap().stamp, end.plus_secs(-1.0));
-        assert!(track.at(end.plus_secs(0.1)).is_none() && track.at(Stamp::default()).is_none());
+        assert!(track.at(end.plus_secs(0.1)).is_none() && track.at(Stamp::from_secs(-1.0)).is_none());
         assert_eq!(track.value("wind_n", end), Some(0.0));
         assert_eq!(track.value("colour", end), None);
     }

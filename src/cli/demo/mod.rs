@@ -12,7 +12,7 @@ mod ground;
 mod screen;
 mod summary;
 
-use super::Failure;
+use super::{Failure, logging};
 use crate::sim::scenario;
 use bridge::Bridge;
 use flight::Flight;
@@ -54,6 +54,8 @@ pub struct DemoArgs {
 const LAST_FRAMES: Duration = Duration::from_millis(300);
 
 pub fn run(args: &DemoArgs) -> Result<(), Failure> {
+    // the table says what the daemon's status lines would
+    logging::adopt("warn");
     let mut scenario = scenario::resolve(&args.scenario)?;
     scenario.vehicles = 1;
     if let Some(seconds) = args.duration {
