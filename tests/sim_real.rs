@@ -14,7 +14,7 @@ use mavobserver::wire::tlog::TlogReader;
 use mavobserver::wire::{Event, FrameRef, Parser, decode, message_info};
 use nalgebra::{Vector2, Vector3};
 use std::collections::BTreeMap;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 fn recorded(name: &str) -> Option<PathBuf> {
     let base = std::env::var_os("MAVOBSERVER_DATA")
@@ -27,7 +27,7 @@ fn recorded(name: &str) -> Option<PathBuf> {
     Some(file)
 }
 
-fn frames(log: &PathBuf, mut see: impl FnMut(u64, FrameRef<'_>)) {
+fn frames(log: &Path, mut see: impl FnMut(u64, FrameRef<'_>)) {
     let mut reader = TlogReader::open(log).unwrap();
     while let Some(record) = reader.next().unwrap() {
         if let Event::Frame(frame) = record.event

@@ -56,8 +56,8 @@ pub fn settle(series: &[Instant], changes: &[f64], least: f64) -> Settling {
         if !seen_before || stop - start < 2.0 * QUIET_S || size < least {
             continue;
         }
-        let span = series.iter().filter(|i| start <= i.t_s && i.t_s < stop);
-        let last_wrong = span.filter(|i| (i.estimate - i.truth).norm() > SHARE * size).next_back();
+        let mut span = series.iter().filter(|i| start <= i.t_s && i.t_s < stop);
+        let last_wrong = span.rfind(|i| (i.estimate - i.truth).norm() > SHARE * size);
         match last_wrong {
             None => out.times_s.push(0.0),
             Some(i) if stop - i.t_s > QUIET_S => out.times_s.push(i.t_s - start),

@@ -35,6 +35,9 @@ pub(super) struct Ground {
     pub span_s: Option<(f64, f64)>,
 }
 
+/// Time (s), truth, estimate, half-width.
+type Point = (f64, Vector3<f64>, Vector3<f64>, Vector3<f64>);
+
 /// One vector over time.
 #[derive(Default)]
 pub(super) struct Track {
@@ -42,8 +45,7 @@ pub(super) struct Track {
     pub bounded: u64,
     pub covered: u64,
     pub last: Option<(Vector3<f64>, Vector3<f64>)>,
-    /// Time, truth, estimate, half-width.
-    series: Vec<(f64, Vector3<f64>, Vector3<f64>, Vector3<f64>)>,
+    series: Vec<Point>,
 }
 
 impl Track {
@@ -61,7 +63,7 @@ impl Track {
 
     fn panel(&self, axis: usize, title: &str, unit: &'static str) -> Panel {
         let at = |v: &Vector3<f64>| v.get(axis).copied().unwrap_or(f64::NAN);
-        let line = |label, colour, pick: fn(&(f64, Vector3<f64>, Vector3<f64>, Vector3<f64>)) -> Vector3<f64>| Line {
+        let line = |label, colour, pick: fn(&Point) -> Vector3<f64>| Line {
             label,
             colour,
             points: self.series.iter().map(|s| [s.0, at(&pick(s))]).collect(),
