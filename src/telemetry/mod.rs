@@ -1,6 +1,6 @@
 //! MAVLink → [`Sample`](crate::signal::Sample) → [`Measurement`](crate::signal::Measurement).
 //!
-//! [`decode`] turns one frame into samples in SI units on the vehicle's boot clock ([`clock`]); [`align`] brings the
+//! [`Decoder`] turns one frame into samples in SI units on the vehicle's boot clock ([`VehicleClock`]); [`Aligner`] brings the
 //! channels to common instants. In: frames with their receive time. Out: measurements. No I/O, no clock of its own.
 //!
 //! A simulator's truth (SIMSTATE, SIM_STATE, HIL_STATE_QUATERNION) and the autopilot's own wind (WIND, WIND_COV) are

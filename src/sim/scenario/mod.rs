@@ -1,7 +1,7 @@
 //! Scenarios: a vehicle, a mission, the air and what goes wrong, as a TOML file; everything else follows from the seed.
 //!
 //! In: a file or the name of one that comes with the program. Out: a checked [`Scenario`] and from it a
-//! [`FlightPlan`](super::FlightPlan) for each vehicle, or every issue of the file at once.
+//! [`FlightPlan`] for each vehicle, or every issue of the file at once.
 //! Imports `document` and `vehicle`; reads files only here.
 
 mod bundled;
