@@ -32,7 +32,7 @@ use summary::Summary;
 #[command(after_help = "\
 Examples:
   mavobserver demo
-  mavobserver demo --out /tmp/demo --json
+  mavobserver demo --out my-demo --json
 
 Exit codes: 0 done, 1 no estimate came through or a file cannot be written, 2 wrong usage.")]
 pub struct DemoArgs {
