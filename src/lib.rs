@@ -14,6 +14,7 @@
 //! | [`sets`] | intervals and other sets with outward rounding | nothing |
 //! | [`sdp`] | affine matrix expressions, LMIs, log-det, the Clarabel bridge, verification | nothing |
 //! | [`document`] | TOML read key by key, every issue collected with its place | nothing |
+//! | [`report`] | charts as SVG, reports as one HTML page | nothing |
 //! | [`signal`] | `Stamp`, `Sample`, `Measurement`, `Estimate`: the values that flow | nothing |
 //! | [`vehicle`] | rigid body, rotors, drag, actuator → wrench, presets | `sets`, `signal`, `document` |
 //! | [`observers`] | the `Observer` trait, its registry, one room per paper | `sets`, `sdp`, `vehicle`, `signal` |
@@ -40,6 +41,7 @@ pub mod evaluate;
 pub mod observers;
 pub mod outputs;
 pub mod pipeline;
+pub mod report;
 pub mod sdp;
 pub mod sets;
 pub mod signal;

@@ -3,7 +3,6 @@
 //! In: arguments. Out: text or JSON on standard output, errors and logs on standard error, and an exit code: 0 done,
 //! 1 failed, 2 wrong usage or config. May import everything.
 
-mod chart;
 pub mod check;
 mod config_args;
 pub mod demo;
@@ -19,6 +18,7 @@ pub use config_args::{ConfigArgs, VehicleArg};
 pub use output::print;
 
 use crate::config::ConfigError;
+use crate::report::ReportError;
 use crate::vehicle::VehicleError;
 use clap::{Args, Parser, Subcommand};
 use std::process::ExitCode;
@@ -86,6 +86,12 @@ impl From<ConfigError> for Failure {
 impl From<VehicleError> for Failure {
     fn from(e: VehicleError) -> Self {
         Self::Usage(e.to_string())
+    }
+}
+
+impl From<ReportError> for Failure {
+    fn from(e: ReportError) -> Self {
+        Self::Failed(e.to_string())
     }
 }
 

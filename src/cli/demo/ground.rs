@@ -1,7 +1,7 @@
 use super::flight::Flight;
 use crate::cli::Failure;
-use crate::cli::chart::{self, Line, Panel};
 use crate::evaluate::Errors;
+use crate::report::{Colour, Figure, Panel, ReportError};
 use crate::signal::Stamp;
 use crate::wire::dialect::ardupilotmega::{HEARTBEAT_DATA, MavAutopilot, MavState, MavType};
 use crate::wire::dialect::mavobserver::{MavobserverVerdict, WIND_ESTIMATE_DATA, WRENCH_ESTIMATE_DATA};
@@ -61,20 +61,15 @@ impl Track {
         self.series.push((t_s, truth, estimate, half_width));
     }
 
-    fn panel(&self, axis: usize, title: &str, unit: &'static str) -> Panel {
+    fn panel(&self, axis: usize, title: &str, unit: &str) -> Panel {
         let at = |v: &Vector3<f64>| v.get(axis).copied().unwrap_or(f64::NAN);
-        let line = |label, colour, pick: fn(&Point) -> Vector3<f64>| Line {
-            label,
-            colour,
-            points: self.series.iter().map(|s| [s.0, at(&pick(s))]).collect(),
-        };
-        let bounded = self.series.iter().filter(|s| at(&s.3).is_finite());
-        Panel {
-            title: title.to_owned(),
-            unit,
-            band: bounded.map(|s| [s.0, at(&s.2) - at(&s.3), at(&s.2) + at(&s.3)]).collect(),
-            lines: vec![line("truth", "#222222", |s| s.1), line("estimate", "#2b6cb0", |s| s.2)],
-        }
+        let line = |pick: fn(&Point) -> Vector3<f64>| self.series.iter().map(move |s| [s.0, at(&pick(s))]);
+        let bound = self.series.iter().map(|s| [s.0, at(&s.2) - at(&s.3), at(&s.2) + at(&s.3)]);
+        Panel::new(title, unit).band("bound", Colour::Blue, bound).line("truth", Colour::Ink, line(|s| s.1)).line(
+            "estimate",
+            Colour::Blue,
+            line(|s| s.2),
+        )
     }
 }
 
@@ -161,17 +156,15 @@ impl Ground {
     }
 
     /// The run as SVG.
-    pub fn picture(&self, heading: &str) -> String {
-        chart::svg(
-            heading,
-            &[
-                self.wind.panel(0, "Wind towards north", "m/s"),
-                self.wind.panel(1, "Wind towards east", "m/s"),
-                self.force.panel(0, "Force north", "N"),
-                self.force.panel(1, "Force east", "N"),
-                self.torque.panel(0, "Torque about the roll axis", "N m"),
-            ],
-        )
+    pub fn picture(&self, heading: &str) -> Result<String, ReportError> {
+        let panels = [
+            self.wind.panel(0, "Wind towards north", "m/s"),
+            self.wind.panel(1, "Wind towards east", "m/s"),
+            self.force.panel(0, "Force north", "N"),
+            self.force.panel(1, "Force east", "N"),
+            self.torque.panel(0, "Torque about the roll axis", "N m"),
+        ];
+        Figure::new(heading).x("time since boot", "s").panels(panels).svg()
     }
 }
 

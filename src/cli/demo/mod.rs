@@ -94,7 +94,7 @@ pub fn run(args: &DemoArgs) -> Result<(), Failure> {
     let frames_sent = flight.finish()?;
     let recorded = bridge.stop()?;
     let picture = args.out.join("demo.svg");
-    std::fs::write(&picture, ground.picture(&scenario.description))
+    std::fs::write(&picture, ground.picture(&scenario.description)?)
         .map_err(|e| Failure::Failed(format!("cannot write {}: {e}", picture.display())))?;
     let summary = Summary::new(&scenario, &ground, frames_sent, picture, recorded);
     screen.clear();

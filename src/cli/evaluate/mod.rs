@@ -73,7 +73,7 @@ pub fn run(args: &EvaluateArgs) -> Result<(), Failure> {
     let outcomes = fly_all(&jobs, threads, args.json);
     let report = Report::new(&outcomes, args.runs);
     if let Some(path) = &args.report {
-        std::fs::write(path, report.html())
+        std::fs::write(path, report.html()?)
             .map_err(|e| Failure::Failed(format!("cannot write {}: {e}", path.display())))?;
     }
     super::print(&if args.json { report.json() } else { report.text() })?;

@@ -1,5 +1,6 @@
 use super::Outcomes;
 use crate::evaluate::{Quantity, Stats, Trial};
+use crate::report::{Cell, Column, Page, ReportError, Section, Table};
 use serde::Serialize;
 use std::fmt::Write;
 
@@ -83,7 +84,6 @@ impl Report {
             "scenario", "source", "what", "RMSE", "95 %", "covered", "bound ±", "settled", "violated", "µs/step"
         );
         for r in &self.rows {
-            let p95 = r.signals.iter().map(|s| s.stats.p95).fold(0.0, f64::max);
             // writing to a String cannot fail
             let _ = writeln!(
                 out,
@@ -93,7 +93,7 @@ impl Report {
                 r.quantity,
                 r.rmse,
                 r.unit,
-                p95,
+                r.p95(),
                 percent(r.coverage),
                 number(r.mean_half_width, ""),
                 settled(r),
@@ -109,49 +109,59 @@ impl Report {
         out
     }
 
-    pub fn html(&self) -> String {
-        let mut rows = String::new();
+    pub fn html(&self) -> Result<String, ReportError> {
+        let columns = [
+            Column::text("scenario"),
+            Column::text("source"),
+            Column::text("what"),
+            Column::number("RMSE"),
+            Column::number("95 %"),
+            Column::number("covered"),
+            Column::number("bound ±"),
+            Column::number("settled"),
+            Column::number("violated"),
+            Column::number("µs/step"),
+        ];
+        let mut table = Table::new(columns);
         let mut scenario = "";
         for r in &self.rows {
-            let first = r.scenario != scenario;
+            let cells = [
+                Cell::text(if r.scenario == scenario { "" } else { &r.scenario }).hint(r.components()),
+                Cell::text(&r.source),
+                Cell::text(format!("{}, {}", r.quantity, r.unit)),
+                // how much of the bound the error takes
+                Cell::fixed(r.rmse, 3).bar(r.mean_half_width.map_or(0.0, |w| r.rmse / w)).hint(r.components()),
+                Cell::fixed(r.p95(), 3),
+                Cell::percent(r.coverage),
+                Cell::maybe(r.mean_half_width),
+                Cell::text(settled(r)),
+                Cell::percent(Some(r.violated)),
+                Cell::fixed(r.us_per_step, 1),
+            ];
+            if r.scenario == scenario {
+                table.push(cells)
+            } else {
+                table.push_group(cells)
+            }
             scenario = &r.scenario;
-            let signals: Vec<_> = r
-                .signals
-                .iter()
-                .map(|s| {
-                    format!("{}: RMSE {:.4}, bias {:+.4}, 95 % {:.4}", s.name, s.stats.rmse, s.stats.bias, s.stats.p95)
-                })
-                .collect();
-            let width = r.mean_half_width.map_or(0.0, |w| (r.rmse / w).min(1.0) * 100.0);
-            let _ = writeln!(
-                rows,
-                "<tr class=\"{}\" title=\"{}\"><th>{}</th><td>{}</td><td>{}</td><td class=n>{:.3} {}</td><td class=n>{}</td>\
-                 <td class=n>{}</td><td><div class=bar><i style=\"width:{width:.0}%\"></i></div></td><td class=n>{}</td>\
-                 <td class=n>{}</td><td class=n>{:.1}</td></tr>",
-                if first { "first" } else { "" },
-                escape(&signals.join("\n")),
-                escape(if first { &r.scenario } else { "" }),
-                escape(&r.source),
-                escape(&r.quantity),
-                r.rmse,
-                escape(r.unit),
-                percent(r.coverage),
-                number(r.mean_half_width, r.unit),
-                settled(r),
-                percent(Some(r.violated)),
-                r.us_per_step
-            );
         }
+        let scores = Section::new("Scores").table(table).paragraph(
+            "The bar shows the error within the mean bound. RMSE is that of the vector, 95 % that of the worst axis. \
+             Settled: median time, and changes followed of all. Hold the pointer over a number for its components.",
+        );
+        let page = Page::new("Estimates against the truth")
+            .lead(format!(
+                "{} simulated flights of each scenario, each with its own random numbers and a vehicle drawn from the \
+                 ranges that its file declares.",
+                self.runs
+            ))
+            .section(scores);
+        let mut failed = Table::new([Column::text("scenario"), Column::text("observer"), Column::text("problem")]);
         for f in &self.failures {
-            let _ = writeln!(
-                rows,
-                "<tr class=first><th>{}</th><td>{}</td><td colspan=8>{}</td></tr>",
-                escape(&f.scenario),
-                escape(&f.observer),
-                escape(&f.problem)
-            );
+            failed.push([&f.scenario, &f.observer, &f.problem].map(Cell::text));
         }
-        PAGE.replace("{runs}", &self.runs.to_string()).replace("{rows}", &rows)
+        let page = if failed.is_empty() { page } else { page.section(Section::new("Not scored").table(failed)) };
+        page.html()
     }
 }
 
@@ -184,6 +194,20 @@ impl Row {
     }
 }
 
+impl Row {
+    /// 95 % of the errors of the worst axis are smaller.
+    fn p95(&self) -> f64 {
+        self.signals.iter().map(|s| s.stats.p95).fold(0.0, f64::max)
+    }
+
+    fn components(&self) -> String {
+        let lines = self.signals.iter().map(|SignalRow { name, stats: s }| {
+            format!("{name}: RMSE {:.4}, bias {:+.4}, 95 % {:.4}", s.rmse, s.bias, s.p95)
+        });
+        lines.collect::<Vec<_>>().join("\n")
+    }
+}
+
 fn percent(share: Option<f64>) -> String {
     share.map_or_else(|| "–".to_owned(), |s| format!("{:.1} %", s * 100.0))
 }
@@ -201,30 +225,6 @@ fn settled(r: &Row) -> String {
     }
 }
 
-fn escape(text: &str) -> String {
-    text.replace('&', "&amp;").replace('<', "&lt;").replace('"', "&quot;")
-}
-
-const PAGE: &str = "<!doctype html>
-<html lang=en><meta charset=utf-8><title>mavobserver evaluate</title>
-<style>
-body { font: 15px/1.4 system-ui, sans-serif; margin: 2em auto; max-width: 72em; color: #222 }
-table { border-collapse: collapse; width: 100% }
-th, td { text-align: left; padding: .25em .7em; font-weight: normal }
-thead th { border-bottom: 2px solid #888 } tr.first > * { border-top: 1px solid #ccc }
-.n { text-align: right; font-variant-numeric: tabular-nums; white-space: nowrap }
-.bar { background: #d8e6f3; width: 7em; height: .7em } .bar i { display: block; height: 100%; background: #2b6cb0 }
-p { color: #555 }
-</style>
-<h1>Estimates against the truth</h1>
-<p>{runs} simulated flights of each scenario, each with its own random numbers and a vehicle drawn from the ranges that
-its file declares. The bar shows the error within the bound. Hold the pointer over a row for its components.</p>
-<table><thead><tr><th>scenario<th>source<th>what<th class=n>RMSE<th class=n>covered<th class=n>bound ±<th>error / bound
-<th class=n>settled<th class=n>violated<th class=n>µs/step</thead>
-<tbody>
-{rows}</tbody></table></html>
-";
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -235,7 +235,7 @@ mod tests {
         let failure = Some("no design: <α & β>".to_owned());
         let outcomes = [(("a".to_owned(), "b".to_owned()), Outcome { failure, ..Outcome::default() })].into();
         let report = Report::new(&outcomes, 3);
-        assert!(report.html().contains("no design: &lt;α &amp; β>"));
+        assert!(report.html().unwrap().contains("no design: &lt;α &amp; β&gt;"));
         assert_eq!(report.failures(), ["no design: <α & β>"]);
         assert!(report.json().contains("\"runs\": 3"));
     }
