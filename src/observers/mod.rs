@@ -5,6 +5,7 @@
 //! A new observer is one new file (or room) and one line in [`REGISTRY`].
 //! Imports `sets`, `sdp`, `vehicle` and `signal` only.
 
+pub mod cascade_gnss_ins;
 mod options;
 pub mod quadratic_bounded;
 mod registry;

@@ -1,4 +1,4 @@
-use super::{MAX_ROTORS, Stamp};
+use super::{Barometer, GnssFix, Held, MAX_ROTORS, MagField, Stamp};
 use nalgebra::{UnitQuaternion, Vector3};
 use std::fmt;
 
@@ -133,9 +133,17 @@ pub struct Measurement {
     pub actuation: Option<Aged<Actuation>>,
     /// rev/min; NaN where unknown.
     pub rotor_rpm: Option<Aged<[f64; MAX_ROTORS]>>,
-    pub mag_frd_gauss: Option<Aged<Vector3<f64>>>,
     pub voltage_v: Option<Aged<f64>>,
     pub air_density_kgm3: Option<Aged<f64>>,
+    /// Raw receiver solution.
+    pub gnss: Option<Held<GnssFix>>,
+    pub magnetometer: Option<Held<MagField>>,
+    pub barometer: Option<Held<Barometer>>,
+    /// Further inertial sensors (SCALED_IMU2, SCALED_IMU3) with their own stamps; never mixed with `imu`.
+    pub other_imus: [Option<Held<Imu>>; 2],
+    /// The autopilot's own position (GLOBAL_POSITION_INT) from the origin of the fixes, NED, m: comparable with
+    /// `gnss`, as `position_ned_m`, which counts from the autopilot's origin, is not.
+    pub global_position_ned_m: Option<Held<Vector3<f64>>>,
 }
 
 impl Measurement {
@@ -152,9 +160,13 @@ impl Measurement {
             position_ned_m: None,
             actuation: None,
             rotor_rpm: None,
-            mag_frd_gauss: None,
             voltage_v: None,
             air_density_kgm3: None,
+            gnss: None,
+            magnetometer: None,
+            barometer: None,
+            other_imus: [None; 2],
+            global_position_ned_m: None,
         }
     }
 }

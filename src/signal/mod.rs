@@ -7,11 +7,13 @@
 //! (`force_ned_n`, `rate_frd_rads`) wherever a swap would still compile.
 
 mod estimate;
+mod held;
 mod measurement;
 mod sample;
 mod stamp;
 
 pub use estimate::{Estimate, Guarantee, Signal, Verdict};
+pub use held::{Barometer, FixType, GnssFix, Held, MagField, MagSource};
 pub use measurement::{Actuation, Aged, Channel, Discontinuity, Gate, Imu, Measurement, RotorCommands};
 pub use sample::{ImuSource, Sample, SampleKind};
 pub use stamp::Stamp;

@@ -75,6 +75,11 @@ impl VehicleClock {
         }
     }
 
+    /// Seconds since 1970 at a boot stamp, once the vehicle has told its date.
+    pub fn unix_s(&self, t: Stamp) -> Option<f64> {
+        self.unix_minus_boot_us.map(|d| d as f64 * 1e-6 + t.secs())
+    }
+
     /// A 32-bit µs field, which wraps every 71.6 minutes: the unwrapped value nearest to the newest stamp.
     pub fn from_u32_us(&self, us: u32) -> Stamp {
         const WRAP: i64 = 1 << 32;

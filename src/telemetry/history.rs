@@ -52,6 +52,15 @@ impl<T: Copy, const N: usize> History<T, N> {
         self.len += 1;
     }
 
+    /// Takes out the oldest sample, if it is not after `t`.
+    pub fn take_oldest_until(&mut self, t: Stamp) -> Option<(Stamp, T)> {
+        let oldest = self.items[..self.len].first().copied().flatten().filter(|(s, _)| *s <= t)?;
+        self.items[0] = None;
+        self.items[..self.len].rotate_left(1);
+        self.len -= 1;
+        Some(oldest)
+    }
+
     /// Oldest first.
     pub fn iter(&self) -> impl DoubleEndedIterator<Item = (Stamp, T)> + '_ {
         self.items[..self.len].iter().flatten().copied()

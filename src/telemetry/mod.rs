@@ -11,6 +11,7 @@
 mod align;
 mod clock;
 mod decode;
+mod geodesy;
 mod history;
 pub mod parameters;
 pub mod requests;
@@ -19,3 +20,4 @@ pub mod timesync;
 pub use align::Aligner;
 pub use clock::{ClockEvent, VehicleClock};
 pub use decode::{Decoded, Decoder};
+pub use geodesy::LocalOrigin;

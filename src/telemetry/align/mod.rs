@@ -1,10 +1,19 @@
+mod actuation;
+mod jump;
+mod latest;
+mod pending;
+
+use super::geodesy::LocalOrigin;
 use super::history::{History, Lookup};
 use crate::signal::{
-    Actuation, Aged, Channel, Discontinuity, Gate, Imu, ImuSource, MAX_ROTORS, Measurement, RotorCommands, Sample,
-    SampleKind, Stamp,
+    Aged, Barometer, Channel, Discontinuity, FixType, Gate, GnssFix, Imu, ImuSource, MAX_ROTORS, MagField, Measurement,
+    Sample, SampleKind, Stamp,
 };
-use crate::vehicle::{Air, RotorBank, Vehicle, air_density_kgm3};
+use crate::vehicle::{RotorBank, Vehicle, air_density_kgm3};
+use jump::jumped;
+use latest::Latest;
 use nalgebra::{UnitQuaternion, Vector3};
+use pending::Pending;
 use std::sync::Arc;
 
 /// IMU samples closer together than this are averaged into one measurement, s.
@@ -17,48 +26,17 @@ const HORIZON_S: f64 = 0.25;
 const GAP_S: f64 = 2.0;
 /// A channel whose newest sample is older than this is missing, s.
 const STALE_S: f64 = 1.0;
+/// A sensor at its own pace is held this long, s: receivers may send one fix in a second.
+const HELD_S: f64 = 2.0;
+/// Pressure tells the air's density for this long, s: it changes slowly.
+const DENSITY_S: f64 = 30.0;
 /// A better IMU source that stays silent this long gives way to the next one, s.
 const SOURCE_TIMEOUT_S: f64 = 2.0;
-/// Attitude may differ by this from what the gyro predicts before it counts as a reset of the estimator, rad.
-const ATTITUDE_JUMP_RAD: f64 = 0.14;
-/// Velocity may move by this beside the accelerometer's word before it counts as a reset, m/s.
-const VELOCITY_JUMP_MPS: f64 = 1.5;
 
 #[derive(Debug, Clone, Copy)]
 struct Kinematics {
     position_ned_m: Option<Vector3<f64>>,
     velocity_ned_mps: Vector3<f64>,
-}
-
-/// IMU samples being averaged into one measurement.
-#[derive(Debug, Clone, Copy)]
-struct Pending {
-    first: Stamp,
-    /// Sum of offsets from `first`, s.
-    offset_s: f64,
-    accel: Vector3<f64>,
-    rate: Vector3<f64>,
-    n: f64,
-}
-
-impl Pending {
-    fn new(stamp: Stamp, accel: Vector3<f64>, rate: Vector3<f64>) -> Self {
-        Self { first: stamp, offset_s: 0.0, accel, rate, n: 1.0 }
-    }
-
-    fn add(&mut self, stamp: Stamp, accel: Vector3<f64>, rate: Vector3<f64>) {
-        self.offset_s += stamp - self.first;
-        self.accel += accel;
-        self.rate += rate;
-        self.n += 1.0;
-    }
-
-    fn mean(&self) -> (Stamp, Imu) {
-        (
-            self.first.plus_secs(self.offset_s / self.n),
-            Imu { accel_frd_mps2: self.accel / self.n, rate_frd_rads: self.rate / self.n },
-        )
-    }
 }
 
 /// Brings one vehicle's channels to common instants.
@@ -79,11 +57,15 @@ pub struct Aligner {
     attitude: History<UnitQuaternion<f64>, 64>,
     kinematics: History<Kinematics, 64>,
     outputs: History<[f64; MAX_ROTORS], 64>,
-    mag: Option<(Stamp, Vector3<f64>)>,
-    gnss: Option<Stamp>,
+    magnetometer: Latest<MagField>,
+    gnss: Latest<GnssFix>,
+    barometer: Latest<Barometer>,
+    other_imus: [Latest<Imu>; 2],
+    global_position: Latest<Vector3<f64>>,
+    /// The first three-dimensional fix.
+    origin: Option<LocalOrigin>,
     rpm: Option<(Stamp, [f64; MAX_ROTORS])>,
     voltage: Option<(Stamp, f64)>,
-    pressure: Option<(Stamp, f64)>,
     gate: Gate,
 
     last: Option<Measurement>,
@@ -107,11 +89,14 @@ impl Aligner {
             attitude: History::default(),
             kinematics: History::default(),
             outputs: History::default(),
-            mag: None,
-            gnss: None,
+            magnetometer: Latest::default(),
+            gnss: Latest::default(),
+            barometer: Latest::default(),
+            other_imus: [Latest::default(), Latest::default()],
+            global_position: Latest::default(),
+            origin: None,
             rpm: None,
             voltage: None,
-            pressure: None,
             gate: Gate::default(),
             last: None,
             broken: Some(Discontinuity::First),
@@ -147,26 +132,51 @@ impl Aligner {
         let t = sample.stamp;
         match sample.kind {
             SampleKind::Imu { source, accel_frd_mps2, rate_frd_rads } => {
-                if self.accept_source(source, t) {
-                    self.push_imu(t, accel_frd_mps2, rate_frd_rads);
-                }
+                let other = match source {
+                    ImuSource::Second => 0,
+                    ImuSource::Third => 1,
+                    ImuSource::Scaled | ImuSource::HighRes => {
+                        if self.accept_source(source, t) {
+                            self.push_imu(t, accel_frd_mps2, rate_frd_rads);
+                        }
+                        return;
+                    }
+                };
+                let felt = t.plus_secs(-self.vehicle.sensors.gyro_delay_s);
+                self.other_imus[other].push(felt, Imu { accel_frd_mps2, rate_frd_rads });
             }
-            SampleKind::Mag { field_frd_gauss } => self.mag = Some((t, field_frd_gauss)),
+            SampleKind::Mag(field) => self.magnetometer.push(t, field),
             SampleKind::Attitude { body_to_ned } => self.attitude.push(t, body_to_ned),
             SampleKind::LocalPosition { position_ned_m, velocity_ned_mps } => {
                 self.kinematics.push(t, Kinematics { position_ned_m: Some(position_ned_m), velocity_ned_mps })
             }
-            SampleKind::GlobalPosition { velocity_ned_mps, .. } => {
+            SampleKind::Velocity { velocity_ned_mps } => {
                 self.kinematics.push(t, Kinematics { position_ned_m: None, velocity_ned_mps });
+            }
+            SampleKind::GlobalPosition { latitude_deg, longitude_deg, altitude_m } => {
+                if let Some(origin) = &self.origin {
+                    self.global_position.push(t, origin.ned_m(latitude_deg, longitude_deg, altitude_m));
+                }
             }
             SampleKind::Actuators { outputs } => self.outputs.push(t, outputs),
             SampleKind::RotorRpm { rpm } => self.push_rpm(t, rpm),
             SampleKind::Battery { voltage_v } => self.voltage = Some((t, voltage_v)),
-            SampleKind::Pressure { pressure_pa } => self.pressure = Some((t, pressure_pa)),
+            SampleKind::Pressure { pressure_pa } => self.barometer.push(t, Barometer::from_pressure(pressure_pa)),
             SampleKind::Armed(armed) => self.gate.armed = Some(armed),
             SampleKind::InAir(in_air) => self.gate.in_air = in_air,
-            SampleKind::Gnss { .. } => self.gnss = Some(t),
+            SampleKind::Gnss(fix) => self.push_gnss(t, fix),
         }
+    }
+
+    /// Places a fix relative to the first three-dimensional one.
+    fn push_gnss(&mut self, t: Stamp, mut fix: GnssFix) {
+        if fix.fix_type >= FixType::ThreeD {
+            let origin = self
+                .origin
+                .get_or_insert_with(|| LocalOrigin::new(fix.latitude_deg, fix.longitude_deg, fix.altitude_m));
+            fix.position_ned_m = Some(origin.ned_m(fix.latitude_deg, fix.longitude_deg, fix.altitude_m));
+        }
+        self.gnss.push(t, fix);
     }
 
     /// Rotor speeds come four at a time: a message fills its four and leaves the others.
@@ -182,8 +192,6 @@ impl Aligner {
     fn accept_source(&mut self, source: ImuSource, t: Stamp) -> bool {
         match self.source {
             Some((current, seen)) if source < current && t - seen < SOURCE_TIMEOUT_S => false,
-            Some((current, _)) if source == ImuSource::Second && current == ImuSource::Second => true,
-            _ if source == ImuSource::Second => false,
             _ => {
                 self.source = Some((source, t));
                 true
@@ -254,12 +262,18 @@ impl Aligner {
         }
         m.dt_s = self.last.as_ref().map_or(0.0, |l| stamp - l.stamp);
         let fresh = |s: Stamp, limit: f64| (stamp - s < limit).then_some(stamp - s);
-        m.mag_frd_gauss = self.mag.and_then(|(s, value)| Some(Aged { value, age_s: fresh(s, STALE_S)? }));
         m.rotor_rpm = self.rpm.and_then(|(s, value)| Some(Aged { value, age_s: fresh(s, STALE_S)? }));
         // these change slowly: half a minute old is as good as new
         m.voltage_v = self.voltage.and_then(|(s, value)| Some(Aged { value, age_s: fresh(s, 30.0)? }));
-        m.air_density_kgm3 =
-            self.pressure.and_then(|(s, p)| Some(Aged { value: air_density_kgm3(p), age_s: fresh(s, 30.0)? }));
+        let pressure = self.barometer.at(stamp, DENSITY_S);
+        m.air_density_kgm3 = pressure.map(|b| Aged { value: air_density_kgm3(b.value.pressure_pa), age_s: b.age_s });
+        m.barometer = pressure.filter(|b| b.new || b.age_s < HELD_S);
+        m.magnetometer = self.magnetometer.at(stamp, HELD_S);
+        m.gnss = self.gnss.at(stamp, HELD_S);
+        m.global_position_ned_m = self.global_position.at(stamp, HELD_S);
+        for (to, from) in m.other_imus.iter_mut().zip(&mut self.other_imus) {
+            *to = from.at(stamp, HELD_S);
+        }
 
         m.discontinuity = self.broken.take();
         if m.dt_s > GAP_S {
@@ -305,72 +319,6 @@ impl Aligner {
         }
     }
 
-    /// The modelled force and torque of the rotors over the measurement's interval.
-    fn actuation(&mut self, m: &Measurement) -> Option<Aged<Actuation>> {
-        let Aged { value: target, age_s } = self.rotors_over(m.stamp, m.dt_s)?;
-        let rotors = self.rotor_bank.advance(&self.vehicle, &target, m.dt_s);
-        // climbing through the air along the thrust axis (body −z); the wind's vertical part is taken as nothing
-        let climb_mps =
-            m.attitude.zip(m.velocity_ned_mps).map_or(0.0, |(q, v)| -q.value.inverse_transform_vector(&v.value).z);
-        let air = Air {
-            voltage_v: m.voltage_v.map(|v| v.value),
-            density_kgm3: m.air_density_kgm3.map(|d| d.value),
-            climb_mps,
-        };
-        let (w, sum_sqrt_thrust) = self.vehicle.rotor_wrench(&rotors, air);
-        let value = Actuation {
-            rotors,
-            force_frd_n: w.force_frd_n,
-            torque_frd_nm: w.torque_frd_nm,
-            sum_sqrt_thrust,
-            inflow_n_per_mps2: self.vehicle.thrust.inflow_n_per_mps2(air) * self.vehicle.rotors.len() as f64,
-            doubt: self.vehicle.thrust.doubt(air),
-            climb_mps,
-        };
-        Some(Aged { value, age_s })
-    }
-
-    /// Mean normalised command over `[t − dt, t]`, each output held until the next, shifted by the rotor's delay.
-    fn rotors_over(&self, t: Stamp, dt_s: f64) -> Option<Aged<RotorCommands>> {
-        let end = t.plus_secs(-self.vehicle.dynamics.delay_s);
-        let begin = end.plus_secs(-dt_s);
-        let newest = self.outputs.newest()?.0;
-        if end - newest > STALE_S {
-            return None;
-        }
-        let mut sum = [0.0; MAX_ROTORS];
-        let mut covered = 0.0;
-        let mut until = end;
-        let mut reference = None;
-        for (s, o) in self.outputs.iter().rev() {
-            if s >= end {
-                reference.get_or_insert(o);
-                continue;
-            }
-            let from = s.max(begin);
-            let w = until - from;
-            for (acc, v) in sum.iter_mut().zip(o) {
-                *acc += w * v;
-            }
-            covered += w;
-            until = from;
-            reference = Some(o);
-            if s <= begin {
-                break;
-            }
-        }
-        let held = reference?;
-        let mut command = [0.0; MAX_ROTORS];
-        let map = &self.vehicle.actuators;
-        let count = self.vehicle.rotors.len().min(MAX_ROTORS);
-        for (c, &o) in command.iter_mut().zip(&self.outputs_of_rotors).take(count) {
-            let mean = if covered > 0.0 { sum.get(o).map(|x| x / covered) } else { held.get(o).copied() };
-            *c = mean.map_or(0.0, |x| ((x - map.at_zero) / (map.at_full - map.at_zero)).clamp(0.0, 1.0));
-        }
-        let value = RotorCommands { command, count };
-        Some(Aged { value, age_s: (end - newest).max(0.0) })
-    }
-
     /// Channels whose newest sample is missing or older than a second at the newest IMU sample.
     pub fn missing(&self, channel: Channel) -> bool {
         let Some(now) = self.newest_imu else { return true };
@@ -380,34 +328,14 @@ impl Aligner {
             Channel::Attitude => stale(self.attitude.newest().map(|x| x.0)),
             Channel::Velocity => stale(self.kinematics.newest().map(|x| x.0)),
             Channel::Actuators => stale(self.outputs.newest().map(|x| x.0)),
-            Channel::Magnetometer => stale(self.mag.map(|x| x.0)),
+            Channel::Magnetometer => stale(self.magnetometer.newest()),
             Channel::Rpm => stale(self.rpm.map(|x| x.0)),
-            Channel::Gnss => stale(self.gnss),
+            Channel::Gnss => stale(self.gnss.newest()),
             Channel::Battery => self.voltage.is_none(),
-            Channel::Pressure => self.pressure.is_none(),
+            Channel::Pressure => self.barometer.newest().is_none(),
         }
     }
 }
 
-/// Samples further apart than this say too little about what lay between them to call anything a jump, s.
-const JUMP_MAX_DT_S: f64 = 0.15;
-
-/// Did the autopilot's estimate move in a way that its own inertial sensors contradict?
-fn jumped(last: &Measurement, m: &Measurement) -> bool {
-    if m.dt_s > JUMP_MAX_DT_S {
-        return false;
-    }
-    if let (Some(a), Some(b)) = (last.attitude, m.attitude) {
-        let turned = UnitQuaternion::from_scaled_axis(0.5 * (last.imu.rate_frd_rads + m.imu.rate_frd_rads) * m.dt_s);
-        // two samples say little about a fast turn between them: allow a quarter of it
-        let allowed = ATTITUDE_JUMP_RAD + 0.25 * turned.angle();
-        if (a.value * turned).angle_to(&b.value) > allowed {
-            return true;
-        }
-    }
-    if let (Some(u), Some(v)) = (last.velocity_ned_mps, m.velocity_ned_mps) {
-        let accel = last.imu.accel_frd_mps2.norm().max(m.imu.accel_frd_mps2.norm()) + 9.8;
-        return (v.value - u.value).norm() > VELOCITY_JUMP_MPS + 1.5 * accel * (m.dt_s + u.age_s.abs());
-    }
-    false
-}
+#[cfg(test)]
+mod tests;
