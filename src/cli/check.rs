@@ -2,7 +2,7 @@ use super::config_args::LoadErrors;
 use super::{ConfigArgs, Failure, print};
 use crate::config::{Config, ConfigError};
 use crate::document::Issue;
-use crate::observers::build;
+use crate::observers::{BuildError, build};
 use crate::vehicle::{Facts, Vehicle, VehicleError};
 use serde_json::{Value, json};
 use std::fmt::Write;
@@ -110,6 +110,11 @@ fn design(config: &Config) -> Result<Vec<Value>, Vec<String>> {
                     "for": systems,
                     "design_s": start.elapsed().as_secs_f64(),
                 })),
+                Err(e @ BuildError::Unsuited { .. }) if !setting.required => designs.push(json!({
+                    "observer": setting.name,
+                    "for": systems,
+                    "left_out": e.to_string(),
+                })),
                 Err(e) => problems.push(format!("vehicle `{}`: {e}", vehicle.name)),
             }
         }
@@ -165,7 +170,10 @@ fn write_summary(
     for d in designs {
         let seconds = d["design_s"].as_f64().unwrap_or_default();
         let (name, systems) = (d["observer"].as_str().unwrap_or_default(), d["for"].as_str().unwrap_or_default());
-        writeln!(out, "  {name} for {systems}: designed and certified in {seconds:.1} s")?;
+        match d["left_out"].as_str() {
+            Some(reason) => writeln!(out, "  {name} for {systems}: left out, {reason}")?,
+            None => writeln!(out, "  {name} for {systems}: designed and certified in {seconds:.1} s")?,
+        }
     }
     writeln!(out)?;
     writeln!(out, "links")?;

@@ -2,7 +2,7 @@
 
 use super::{ConfigArgs, Failure, print};
 use crate::config::{Config, LinkUrl};
-use crate::daemon::{Daemon, DaemonError, Settings, Status, Summary};
+use crate::daemon::{Daemon, DaemonError, Settings, Status, Summary, steady_ns};
 use crate::observers;
 use crate::pipeline::{Fleet, FleetSettings};
 use crate::signal::Channel;
@@ -88,7 +88,7 @@ async fn serve(config: Config) -> Result<Summary, Failure> {
     // what is quick to fail comes first: an occupied port is told before a design is computed
     let daemon = Daemon::bind(settings(&config)?).await?;
     let fleet = fleet(&config)?;
-    let fleet = Fleet::new(fleet).map_err(|e| Failure::Failed(e.to_string()))?;
+    let fleet = build_fleet(fleet)?;
     let stop = CancellationToken::new();
     stop_on_signals(stop.clone()).map_err(|e| Failure::Failed(format!("cannot listen for signals: {e}")))?;
     info!(links = config.links.len(), "running; Ctrl-C stops");
@@ -114,6 +114,15 @@ pub(super) fn settings(config: &Config) -> Result<Settings, Failure> {
         settings.requests = Some(needs);
     }
     Ok(settings)
+}
+
+/// Designs the observers for every vehicle model, says which were left out, and times their steps.
+pub(super) fn build_fleet(settings: FleetSettings) -> Result<Fleet, Failure> {
+    let fleet = Fleet::new(settings).map_err(|e| Failure::Failed(e.to_string()))?.timed(steady_ns);
+    for reason in fleet.left_out() {
+        info!("{reason}");
+    }
+    Ok(fleet)
 }
 
 fn fleet(config: &Config) -> Result<FleetSettings, Failure> {

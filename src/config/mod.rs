@@ -14,7 +14,6 @@ mod read;
 pub use link_url::{LinkUrl, LinkUrlError, Pace};
 
 use crate::document::{Document, Issue, Issues};
-use crate::observers::Options;
 use crate::outputs::OutputSettings;
 use crate::pipeline::{FleetSettings, ObserverSetting};
 use crate::vehicle::Vehicle;
@@ -83,7 +82,7 @@ impl Default for Config {
         Self {
             links: Vec::new(),
             vehicles: Vehicles::default(),
-            observers: vec![ObserverSetting { name: "quadratic_bounded".to_owned(), options: Options::default() }],
+            observers: ObserverSetting::standard(),
             output: OutputSettings::default(),
             record: None,
             requests: Requests::default(),
@@ -133,7 +132,7 @@ impl Config {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::observers::OptionValue;
+    use crate::observers::{OptionValue, Options};
 
     fn read(source: &str) -> Result<(Config, Vec<Issue>), Issues> {
         Config::read(&Document::new("c.toml", source), Path::new("dir"))
@@ -192,7 +191,7 @@ mod tests {
         .unwrap();
         let mut options = Options::default();
         options.insert("alpha_force", OptionValue::Number(3.0));
-        assert_eq!(config.observers, [ObserverSetting { name: "quadratic_bounded".into(), options }]);
+        assert_eq!(config.observers, [ObserverSetting { name: "quadratic_bounded".into(), options, required: true }]);
         assert!(problems("[[observer]]\nname = 'quadratic_bonded'\nalpha_force = 3")[0].contains("did you mean"));
     }
 

@@ -130,7 +130,7 @@ fn observers(t: &mut Table<'_>) -> Vec<ObserverSetting> {
             name.problem("runs already", "an observer runs once on each vehicle");
         }
         running.extend(enabled.then_some(chosen.name));
-        enabled.then(|| ObserverSetting { name: chosen.name.to_owned(), options })
+        enabled.then(|| ObserverSetting { options, ..ObserverSetting::named(chosen.name) })
     });
     observers.into_iter().flatten().collect()
 }

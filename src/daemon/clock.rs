@@ -1,5 +1,6 @@
 //! Where the program reads clocks.
 
+use std::sync::OnceLock;
 use std::time::{Instant, SystemTime, UNIX_EPOCH};
 
 /// Wall clock, µs since 1970; may be set.
@@ -20,6 +21,12 @@ impl Steady {
     pub(super) fn ms(self) -> u64 {
         u64::try_from(self.0.elapsed().as_millis()).unwrap_or(u64::MAX)
     }
+}
+
+/// Nanoseconds of a steady clock, from its first use on.
+pub fn steady_ns() -> u64 {
+    static START: OnceLock<Instant> = OnceLock::new();
+    u64::try_from(START.get_or_init(Instant::now).elapsed().as_nanos()).unwrap_or(u64::MAX)
 }
 
 /// `20260131T235959Z`: a moment as file names hold it.

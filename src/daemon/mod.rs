@@ -39,6 +39,7 @@ mod status;
 mod tlog;
 mod udp;
 
+pub use clock::steady_ns;
 pub use error::DaemonError;
 pub use estimator::Estimator;
 pub use router::LinkId;

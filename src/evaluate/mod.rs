@@ -6,6 +6,7 @@
 //! Imports `pipeline`, `sim`, `signal` and `wire`.
 
 mod errors;
+pub mod experiments;
 mod settling;
 mod trial;
 mod truth;

@@ -1,6 +1,6 @@
 use super::settling::{Instant, Settling, settle};
 use super::{Errors, TruthTrack, is_known};
-use crate::observers::{BuildError, Options};
+use crate::observers::BuildError;
 use crate::pipeline::{Event, Fleet, FleetSettings, ObserverSetting, Snapshot};
 use crate::signal::{Estimate, Guarantee, Signal, Stamp, Verdict};
 use crate::sim::control::Flight;
@@ -80,7 +80,7 @@ impl Trial {
                 half_widths: wind.half_width_mps.as_slice().to_vec(),
                 guarantee: wind.guarantee,
                 residual: 0.0,
-                verdict: snapshot.verdict,
+                verdict: wind.verdict,
             };
             self.score("wind", &WIND, &estimate, track);
         }
@@ -146,7 +146,7 @@ pub fn fly(scenario: &Scenario, observer: &str) -> Result<Trial, TrialError> {
     let name = || scenario.name.clone();
     let plan = scenario.plan(0);
     let settings = FleetSettings {
-        observers: vec![ObserverSetting { name: observer.to_owned(), options: Options::default() }],
+        observers: vec![ObserverSetting::named(observer)],
         ..FleetSettings::standard(Arc::new(plan.model.clone()))
     };
     let mut fleet = Fleet::new(settings).map_err(|source| TrialError::Build { scenario: name(), source })?;

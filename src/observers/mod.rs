@@ -9,6 +9,7 @@ pub mod cascade_gnss_ins;
 mod options;
 pub mod quadratic_bounded;
 mod registry;
+pub mod unknown_input;
 
 pub use options::{OptionError, OptionValue, Options};
 pub use registry::{BuildError, Builder, REGISTRY, Registration, build, find};

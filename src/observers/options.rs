@@ -27,6 +27,32 @@ impl Options {
         }
     }
 
+    /// Takes out a yes or no.
+    pub fn flag(&mut self, key: &'static str) -> Result<Option<bool>, OptionError> {
+        match self.0.remove(key) {
+            None => Ok(None),
+            Some(OptionValue::Bool(x)) => Ok(Some(x)),
+            Some(_) => Err(OptionError::Type { key, wanted: "true or false" }),
+        }
+    }
+
+    /// Takes out one of these words, and gives what stands beside it.
+    pub fn choice<T: Copy>(
+        &mut self,
+        key: &'static str,
+        words: &[(&'static str, T)],
+    ) -> Result<Option<T>, OptionError> {
+        let known = || words.iter().map(|(word, _)| *word).collect::<Vec<_>>().join(", ");
+        match self.0.remove(key) {
+            None => Ok(None),
+            Some(OptionValue::Text(text)) => match words.iter().find(|(word, _)| *word == text) {
+                Some((_, value)) => Ok(Some(*value)),
+                None => Err(OptionError::Word { key, text, known: known() }),
+            },
+            Some(_) => Err(OptionError::Word { key, text: "no text".to_owned(), known: known() }),
+        }
+    }
+
     pub(super) fn keys(&self) -> impl Iterator<Item = &str> {
         self.0.keys().map(String::as_str)
     }
@@ -38,4 +64,6 @@ pub enum OptionError {
     OutOfRange { key: &'static str, value: f64, lo: f64, hi: f64 },
     #[error("`{key}` must be {wanted}")]
     Type { key: &'static str, wanted: &'static str },
+    #[error("`{key}` is {text}; it must be one of: {known}")]
+    Word { key: &'static str, text: String, known: String },
 }

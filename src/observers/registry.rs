@@ -1,5 +1,5 @@
 use super::options::{OptionError, Options};
-use super::{Observer, quadratic_bounded};
+use super::{Observer, quadratic_bounded, unknown_input};
 use crate::signal::Channel;
 use crate::vehicle::Vehicle;
 
@@ -7,7 +7,7 @@ use crate::vehicle::Vehicle;
 pub struct Registration {
     /// Name in configs, messages and reports.
     pub name: &'static str,
-    /// Id in STATE_BOUNDS and OBSERVER_STATUS.
+    /// Id in STATE_BOUNDS and OBSERVER_STATUS. Where several observers give the same quantity, the lowest speaks.
     pub id: u8,
     pub paper: &'static str,
     /// What it tells.
@@ -16,6 +16,8 @@ pub struct Registration {
     pub needs: &'static [Channel],
     /// The keys of its config table.
     pub options: &'static [&'static str],
+    /// Runs when a config names no observers: it is quick to build and cheap to step.
+    pub standard: bool,
     pub builder: Builder,
 }
 
@@ -23,7 +25,7 @@ pub struct Registration {
 pub type Builder = fn(&Vehicle, &mut Options) -> Result<Box<dyn Observer>, BuildError>;
 
 /// Every observer, one line each.
-pub const REGISTRY: &[Registration] = &[quadratic_bounded::REGISTRATION];
+pub const REGISTRY: &[Registration] = &[quadratic_bounded::REGISTRATION, unknown_input::REGISTRATION];
 
 /// Why an observer could not be built.
 #[derive(Debug, thiserror::Error)]
@@ -36,6 +38,9 @@ pub enum BuildError {
     UnknownOption { observer: &'static str, key: String, known: String },
     #[error("observer {observer}, {part}: {source}")]
     Design { observer: &'static str, part: String, source: Box<dyn std::error::Error + Send + Sync> },
+    /// The vehicle's file lacks what the observer lives on, such as the rotors' inertia.
+    #[error("observer {observer} cannot serve this vehicle: {reason}")]
+    Unsuited { observer: &'static str, reason: String },
 }
 
 /// The registration of this name.
@@ -53,4 +58,17 @@ pub fn build(name: &str, vehicle: &Vehicle, mut options: Options) -> Result<Box<
         return Err(BuildError::UnknownOption { observer: r.name, key: key.to_owned(), known: r.options.join(", ") });
     }
     (r.builder)(vehicle, &mut options)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn names_and_ids_are_unique() {
+        for (i, a) in REGISTRY.iter().enumerate() {
+            assert!(a.name.len() <= 20, "{} does not fit OBSERVER_STATUS", a.name);
+            assert!(REGISTRY[..i].iter().all(|b| b.name != a.name && b.id != a.id), "{}", a.name);
+        }
+    }
 }

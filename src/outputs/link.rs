@@ -75,7 +75,7 @@ impl LinkOutputs {
         }
         if let Some(wind) = &snapshot.wind {
             if due.wind_estimate.pass(now) {
-                numbering.send(system, &wind_estimate(wind, snapshot.verdict, stamp), send);
+                numbering.send(system, &wind_estimate(wind, stamp), send);
             }
             if due.wind_cov.pass(now) {
                 numbering.send(system, &wind_cov(wind, stamp), send);

@@ -55,7 +55,7 @@ pub(super) fn wrench_estimate(wrench: &WrenchEstimate, stamp: Stamp) -> WRENCH_E
     }
 }
 
-pub(super) fn wind_estimate(wind: &WindEstimate, overall: Verdict, stamp: Stamp) -> WIND_ESTIMATE_DATA {
+pub(super) fn wind_estimate(wind: &WindEstimate, stamp: Stamp) -> WIND_ESTIMATE_DATA {
     let (guarantee, level) = guarantee(wind.guarantee);
     WIND_ESTIMATE_DATA {
         time_boot_us: boot_us(stamp),
@@ -63,7 +63,7 @@ pub(super) fn wind_estimate(wind: &WindEstimate, overall: Verdict, stamp: Stamp)
         half_width: half_widths(&wind.velocity_ned_mps, &wind.half_width_mps),
         level,
         guarantee,
-        verdict: verdict(overall),
+        verdict: verdict(wind.verdict),
     }
 }
 
@@ -123,9 +123,9 @@ pub(super) fn observer_status(
         residual: report.estimate.residual as f32,
         rate: counts.rate_hz as f32,
         steps: u32::try_from(report.steps).unwrap_or(u32::MAX),
-        step_ns: 0,
+        step_ns: report.step_ns,
         violations: counts.violations,
-        missing: 0,
+        missing: report.missing,
         observer_id: report.id,
         verdict: verdict(report.estimate.verdict),
         name: char_array(report.name),

@@ -1,55 +1,11 @@
+use super::slot::{Clock, Slot, joint};
 use super::snapshot::{FaultMask, ObserverReport, Snapshot, VehicleId, WindEstimate, WrenchEstimate};
-use crate::observers::{Observer, Registration};
 use crate::signal::{Channel, Guarantee, Measurement, Verdict};
 use crate::telemetry::{Aligner, Decoded, Decoder};
-use crate::vehicle::Vehicle;
+use crate::vehicle::{SEA_LEVEL_KGM3, Vehicle};
 use crate::wind::{Flow, ForceInterval, Wind, wind_from_force};
 use crate::wire::FrameRef;
-use nalgebra::Vector3;
 use std::sync::Arc;
-
-/// Air density when the vehicle sends no pressure, kg/m³: sea level, standard atmosphere.
-const SEA_LEVEL_KGM3: f64 = 1.225;
-
-/// One observer with its place in the registry.
-pub(super) struct Slot {
-    pub registration: &'static Registration,
-    pub observer: Box<dyn Observer>,
-    pub steps: u64,
-    /// Values that make up a wrench, when the observer estimates one.
-    wrench: Option<[usize; 6]>,
-}
-
-impl Slot {
-    pub fn new(registration: &'static Registration, observer: Box<dyn Observer>) -> Self {
-        const NAMES: [&str; 6] = ["force_n", "force_e", "force_d", "torque_x", "torque_y", "torque_z"];
-        let at = NAMES.map(|name| observer.signals().iter().position(|s| s.name == name));
-        let wrench = at.iter().all(Option::is_some).then(|| at.map(Option::unwrap_or_default));
-        Self { registration, observer, steps: 0, wrench }
-    }
-
-    /// The same observer for another vehicle.
-    pub fn fresh(&self) -> Self {
-        Self::new(self.registration, self.observer.fresh())
-    }
-
-    fn wrench(&self) -> Option<WrenchEstimate> {
-        let at = self.wrench?;
-        let e = self.observer.estimate();
-        if matches!(e.verdict, Verdict::Grounded | Verdict::Starved) {
-            return None;
-        }
-        let pick = |from: &[f64], k: usize| Vector3::new(from[at[k]], from[at[k + 1]], from[at[k + 2]]);
-        Some(WrenchEstimate {
-            force_ned_n: pick(&e.values, 0),
-            force_half_width_n: pick(&e.half_widths, 0),
-            torque_frd_nm: pick(&e.values, 3),
-            torque_half_width_nm: pick(&e.half_widths, 3),
-            guarantee: e.guarantee,
-            verdict: e.verdict,
-        })
-    }
-}
 
 /// One vehicle from frames to snapshots.
 pub struct Chain {
@@ -57,19 +13,20 @@ pub struct Chain {
     vehicle: Arc<Vehicle>,
     decoder: Decoder,
     aligner: Aligner,
+    /// In the order of their ids, whatever the order in the config.
     slots: Vec<Slot>,
-    failures: u64,
+    clock: Option<Clock>,
 }
 
 impl Chain {
-    pub(super) fn new(id: VehicleId, vehicle: Arc<Vehicle>, slots: Vec<Slot>) -> Self {
+    pub(super) fn new(id: VehicleId, vehicle: Arc<Vehicle>, slots: Vec<Slot>, clock: Option<Clock>) -> Self {
         Self {
             id,
             decoder: Decoder::new(vehicle.actuators.source),
             aligner: Aligner::new(Arc::clone(&vehicle)),
             vehicle,
             slots,
-            failures: 0,
+            clock,
         }
     }
 
@@ -79,7 +36,7 @@ impl Chain {
 
     /// Steps that failed and reset their observer.
     pub fn failures(&self) -> u64 {
-        self.failures
+        self.slots.iter().map(|s| s.failures).sum()
     }
 
     /// The channels of these that do not arrive.
@@ -117,14 +74,10 @@ impl Chain {
         sink: &mut dyn FnMut(&Self, &Snapshot<'_>, &Measurement),
     ) {
         for slot in &mut self.slots {
-            slot.steps += 1;
-            if slot.observer.step(m).is_err() {
-                self.failures += 1;
-            }
+            slot.step(m, &self.aligner, self.clock);
         }
         let wrench = self.slots.iter().find_map(Slot::wrench);
         let wind = wrench.as_ref().and_then(|w| self.wind(m, w));
-        let verdict = self.slots.first().map_or(Verdict::Starved, |s| s.observer.estimate().verdict);
         let snapshot = Snapshot {
             vehicle: self.id,
             stamp: m.stamp,
@@ -132,7 +85,7 @@ impl Chain {
             wrench,
             wind,
             faults: FaultMask::default(),
-            verdict,
+            verdict: joint(self.slots.iter().map(|s| s.observer.estimate().verdict)),
             observers: Reports(&self.slots),
         };
         sink(self, &snapshot, m);
@@ -157,11 +110,11 @@ impl Chain {
         };
         let Wind { velocity_ned_mps, half_width_mps } = wind_from_force(&self.vehicle, &flow, &force)?;
         let guarantee = if half_width_mps.iter().all(|h| h.is_finite()) { wrench.guarantee } else { Guarantee::None };
-        Some(WindEstimate { velocity_ned_mps, half_width_mps, guarantee })
+        Some(WindEstimate { velocity_ned_mps, half_width_mps, guarantee, verdict: wrench.verdict })
     }
 }
 
-/// The observers of a snapshot, without copying them.
+/// The observers of a snapshot, in the order of their ids, without copying them.
 #[derive(Clone, Copy, Default)]
 pub struct Reports<'a>(pub(super) &'a [Slot]);
 
@@ -181,6 +134,9 @@ impl<'a> Reports<'a> {
             signals: s.observer.signals(),
             estimate: s.observer.estimate(),
             steps: s.steps,
+            // whole nanoseconds; saturates
+            step_ns: s.mean_ns as u32,
+            missing: s.missing,
         })
     }
 }

@@ -1,5 +1,6 @@
-use super::chain::{Chain, Slot};
+use super::chain::Chain;
 use super::notices::Notices;
+use super::slot::{Clock, Slot};
 use super::snapshot::{Snapshot, VehicleId};
 use crate::observers::{self, BuildError, Options};
 use crate::signal::Measurement;
@@ -16,6 +17,22 @@ const AUTOPILOT_INVALID: u8 = 8;
 pub struct ObserverSetting {
     pub name: String,
     pub options: Options,
+    /// A vehicle that it cannot serve is an error; else it is left out there.
+    pub required: bool,
+}
+
+impl ObserverSetting {
+    /// An observer that was asked for by name, with its defaults.
+    pub fn named(name: &str) -> Self {
+        Self { name: name.to_owned(), options: Options::default(), required: true }
+    }
+
+    /// The observers that run when none is named: all that are quick to build and cheap to step, where the vehicle's
+    /// file has what they live on.
+    pub fn standard() -> Vec<Self> {
+        let all = observers::REGISTRY.iter().filter(|r| r.standard);
+        all.map(|r| Self { required: false, ..Self::named(r.name) }).collect()
+    }
 }
 
 /// What a fleet is made of.
@@ -29,10 +46,9 @@ pub struct FleetSettings {
 }
 
 impl FleetSettings {
-    /// The quadratic-boundedness observer with its defaults, for one vehicle model.
+    /// The standard observers with their defaults, for one vehicle model.
     pub fn standard(vehicle: Arc<Vehicle>) -> Self {
-        let observers = vec![ObserverSetting { name: "quadratic_bounded".to_owned(), options: Options::default() }];
-        Self { vehicle, by_system: BTreeMap::new(), observers }
+        Self { vehicle, by_system: BTreeMap::new(), observers: ObserverSetting::standard() }
     }
 }
 
@@ -84,6 +100,7 @@ pub struct Fleet {
     standard: Model,
     by_system: BTreeMap<u8, Model>,
     members: BTreeMap<VehicleId, Member>,
+    clock: Option<Clock>,
 }
 
 impl Fleet {
@@ -99,7 +116,20 @@ impl Fleet {
             standard: model(&settings.vehicle)?,
             by_system: by_system.collect::<Result<_, BuildError>>()?,
             members: BTreeMap::new(),
+            clock: None,
         })
+    }
+
+    /// Measures what the steps of the observers cost by this clock. Estimates do not depend on it.
+    pub fn timed(mut self, clock: Clock) -> Self {
+        self.clock = Some(clock);
+        self
+    }
+
+    /// Why observers were left out, for each vehicle model.
+    pub fn left_out(&self) -> impl Iterator<Item = &str> {
+        let models = std::iter::once(&self.standard).chain(self.by_system.values());
+        models.flat_map(|m| m.left_out.iter().map(String::as_str))
     }
 
     /// Takes in one frame of any system, received at `received_unix_us` (µs since 1970).
@@ -126,7 +156,7 @@ impl Fleet {
         }
         sink(Event::NewVehicle { vehicle: id, kind });
         let model = self.by_system.get(&id.system).unwrap_or(&self.standard);
-        let chain = kind.is_multirotor().then(|| model.chain(id));
+        let chain = kind.is_multirotor().then(|| model.chain(id, self.clock));
         if chain.is_none() {
             let text = format!("vehicle {id} is no multirotor (type {}): nothing to estimate", kind.mav_type);
             sink(Event::Notice { vehicle: id, severity: Severity::Notice, text: &text });
@@ -147,20 +177,29 @@ impl Fleet {
 /// A vehicle model with its observers, designed.
 struct Model {
     vehicle: Arc<Vehicle>,
+    /// In the order of their ids.
     slots: Vec<Slot>,
+    left_out: Vec<String>,
 }
 
 impl Model {
     fn new(vehicle: &Arc<Vehicle>, observers: &[ObserverSetting]) -> Result<Self, BuildError> {
-        let slot = |o: &ObserverSetting| {
-            let observer = observers::build(&o.name, vehicle, o.options.clone())?;
-            Ok(Slot::new(observers::find(&o.name)?, observer))
-        };
-        Ok(Self { vehicle: Arc::clone(vehicle), slots: observers.iter().map(slot).collect::<Result<_, BuildError>>()? })
+        let (mut slots, mut left_out) = (Vec::new(), Vec::new());
+        for o in observers {
+            match observers::build(&o.name, vehicle, o.options.clone()) {
+                Ok(observer) => slots.push(Slot::new(observers::find(&o.name)?, observer)),
+                Err(e @ BuildError::Unsuited { .. }) if !o.required => {
+                    left_out.push(format!("vehicle `{}`: {e}", vehicle.name));
+                }
+                Err(e) => return Err(e),
+            }
+        }
+        slots.sort_by_key(|s| s.registration.id);
+        Ok(Self { vehicle: Arc::clone(vehicle), slots, left_out })
     }
 
     /// A chain for one vehicle of this model.
-    fn chain(&self, id: VehicleId) -> Chain {
-        Chain::new(id, Arc::clone(&self.vehicle), self.slots.iter().map(Slot::fresh).collect())
+    fn chain(&self, id: VehicleId, clock: Option<Clock>) -> Chain {
+        Chain::new(id, Arc::clone(&self.vehicle), self.slots.iter().map(Slot::fresh).collect(), clock)
     }
 }

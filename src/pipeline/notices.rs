@@ -1,11 +1,14 @@
 use super::chain::Chain;
 use super::fleet::Severity;
+use super::slot::Slot;
 use super::snapshot::Snapshot;
 use crate::signal::{Discontinuity, Measurement, Stamp, Verdict};
 
 /// A state must hold this long before it is told, so that a link's hiccups don't chatter, s.
 const SETTLE_S: f64 = 1.0;
-/// Broken assumptions are told again at most this often, s.
+/// One observer that is starved while others answer is told after this time, s: its channel may be slow to come.
+const STARVED_S: f64 = 5.0;
+/// Broken assumptions of one observer are told again at most this often, s.
 const VIOLATION_PAUSE_S: f64 = 30.0;
 
 /// Turns the course of one vehicle's snapshots into words, on changes only.
@@ -13,7 +16,17 @@ const VIOLATION_PAUSE_S: f64 = 30.0;
 pub(super) struct Notices {
     told: Option<Verdict>,
     candidate: Option<(Verdict, Stamp)>,
-    violation_told: Option<Stamp>,
+    /// One for each observer.
+    each: Vec<Told>,
+}
+
+/// What was told of one observer.
+#[derive(Debug, Default, Clone, Copy)]
+struct Told {
+    starved: bool,
+    /// Since when it is otherwise than told.
+    since: Option<Stamp>,
+    violation: Option<Stamp>,
 }
 
 impl Notices {
@@ -32,15 +45,18 @@ impl Notices {
             }
             Some(Discontinuity::First | Discontinuity::Gap) | None => {}
         }
+        self.each.resize(chain.slots().len(), Told::default());
         if m.discontinuity.is_some() {
             self.candidate = None;
-            self.violation_told = None;
+            for told in &mut self.each {
+                *told = Told { starved: told.starved, ..Told::default() };
+            }
         }
-        if snapshot.verdict == Verdict::AssumptionViolated
-            && self.violation_told.is_none_or(|s| t - s > VIOLATION_PAUSE_S)
-        {
-            self.violation_told = Some(t);
-            sink(Severity::Notice, "force or torque changed faster than declared: bounds reopened");
+        for (slot, told) in chain.slots().iter().zip(&mut self.each) {
+            told.violated(slot, t, sink);
+            if self.told == Some(Verdict::Consistent) {
+                told.starved(chain, slot, t, sink);
+            }
         }
         // a broken assumption passes; it is no state to announce
         let state = match snapshot.verdict {
@@ -66,18 +82,53 @@ impl Notices {
         self.candidate = None;
         match state {
             Verdict::Starved => {
-                for slot in chain.slots() {
-                    let r = slot.registration;
-                    let missing: Vec<String> = chain.missing(r.needs).map(|c| c.to_string()).collect();
-                    let what =
-                        if missing.is_empty() { "samples at 2 Hz or more".to_owned() } else { missing.join(", ") };
-                    sink(Severity::Warning, &format!("{} is starved of {what}", r.name));
+                for (slot, told) in chain.slots().iter().zip(&mut self.each) {
+                    told.starved = true;
+                    sink(Severity::Warning, &starved(chain, slot));
                 }
             }
             Verdict::Grounded => sink(Severity::Info, "on the ground: estimates pause"),
             Verdict::Consistent | Verdict::Settling | Verdict::AssumptionViolated => {
+                // what starved with all others is told again if it stays so
+                self.each.iter_mut().for_each(|told| told.starved = false);
                 sink(Severity::Info, "estimating wrench and wind");
             }
         }
     }
+}
+
+impl Told {
+    fn violated(&mut self, slot: &Slot, t: Stamp, sink: &mut dyn FnMut(Severity, &str)) {
+        let violated = slot.observer.estimate().verdict == Verdict::AssumptionViolated;
+        if violated && self.violation.is_none_or(|s| t - s > VIOLATION_PAUSE_S) {
+            self.violation = Some(t);
+            let text = format!("{}: data contradict what is declared, bounds reopened", slot.registration.name);
+            sink(Severity::Notice, &text);
+        }
+    }
+
+    /// Tells when this observer alone begins or ends to be starved.
+    fn starved(&mut self, chain: &Chain, slot: &Slot, t: Stamp, sink: &mut dyn FnMut(Severity, &str)) {
+        let starves = slot.observer.estimate().verdict == Verdict::Starved;
+        if starves == self.starved {
+            self.since = None;
+            return;
+        }
+        if t - *self.since.get_or_insert(t) < STARVED_S {
+            return;
+        }
+        (self.starved, self.since) = (starves, None);
+        if starves {
+            sink(Severity::Warning, &starved(chain, slot));
+        } else {
+            sink(Severity::Info, &format!("{} estimates again", slot.registration.name));
+        }
+    }
+}
+
+fn starved(chain: &Chain, slot: &Slot) -> String {
+    let r = slot.registration;
+    let missing: Vec<String> = chain.missing(r.needs).map(|c| c.to_string()).collect();
+    let what = if missing.is_empty() { "samples at 2 Hz or more".to_owned() } else { missing.join(", ") };
+    format!("{} is starved of {what}", r.name)
 }

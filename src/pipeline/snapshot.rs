@@ -37,6 +37,7 @@ pub struct WindEstimate {
     /// m/s; infinite where nothing is claimed.
     pub half_width_mps: Vector3<f64>,
     pub guarantee: Guarantee,
+    pub verdict: Verdict,
 }
 
 /// Active faults, one bit each; the order is that of the `mavobserver.xml` enum MAVOBSERVER_FAULT.
@@ -81,12 +82,16 @@ impl FaultMask {
 pub struct ObserverReport<'a> {
     /// Registry name, such as `quadratic_bounded`.
     pub name: &'static str,
-    /// Position in the registry; the id in STATE_BOUNDS and OBSERVER_STATUS.
+    /// The id in STATE_BOUNDS and OBSERVER_STATUS.
     pub id: u8,
     pub signals: &'a [Signal],
     pub estimate: &'a Estimate,
     /// Steps taken since start.
     pub steps: u64,
+    /// Mean computing time of the last steps, ns; 0 where no clock was given.
+    pub step_ns: u32,
+    /// Needed channels that do not arrive: [`Channel::bit`](crate::signal::Channel::bit)s.
+    pub missing: u16,
 }
 
 /// Everything known about one vehicle after one measurement.
@@ -100,6 +105,7 @@ pub struct Snapshot<'a> {
     pub wrench: Option<WrenchEstimate>,
     pub wind: Option<WindEstimate>,
     pub faults: FaultMask,
+    /// Of all observers together: grounded where one is; else the worst of those that answer; starved when none does.
     pub verdict: Verdict,
     /// What each observer says; see [`Reports::iter`].
     pub observers: Reports<'a>,

@@ -30,6 +30,13 @@ impl Channel {
     ];
 }
 
+impl Channel {
+    /// The bit that stands for it in OBSERVER_STATUS's `missing`; its place in [`Self::ALL`].
+    pub const fn bit(self) -> u16 {
+        1 << self as u16
+    }
+}
+
 impl fmt::Display for Channel {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.write_str(match self {
@@ -144,6 +151,8 @@ pub struct Measurement {
     /// The autopilot's own position (GLOBAL_POSITION_INT) from the origin of the fixes, NED, m: comparable with
     /// `gnss`, as `position_ned_m`, which counts from the autopilot's origin, is not.
     pub global_position_ned_m: Option<Held<Vector3<f64>>>,
+    /// What the vehicle itself says its mass is, kg.
+    pub mass_kg: Option<Aged<f64>>,
 }
 
 impl Measurement {
@@ -167,6 +176,7 @@ impl Measurement {
             barometer: None,
             other_imus: [None; 2],
             global_position_ned_m: None,
+            mass_kg: None,
         }
     }
 }

@@ -9,6 +9,9 @@ pub fn air_density_kgm3(pressure_pa: f64) -> f64 {
     1.225 * (pressure_pa / 101_325.0).max(0.0).powf(4.2559 / 5.2559)
 }
 
+/// Air density when the vehicle sends no pressure, kg/m³: sea level, standard atmosphere.
+pub const SEA_LEVEL_KGM3: f64 = 1.225;
+
 impl Drag {
     /// Drag force (N) on body axis `i` at velocity `v` through the air (m/s), with `sum_sqrt_thrust` = Σ√Tᵢ (√N).
     pub fn force(&self, i: usize, v: f64, sum_sqrt_thrust: f64, density: f64) -> f64 {

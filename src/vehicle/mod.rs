@@ -6,13 +6,15 @@
 
 mod drag;
 mod facts;
+mod inflow;
 mod load;
 mod model;
 pub mod presets;
 mod rotors;
 
-pub use drag::air_density_kgm3;
+pub use drag::{SEA_LEVEL_KGM3, air_density_kgm3};
 pub use facts::Facts;
+pub use inflow::{Climb, Flying};
 pub use load::{VehicleError, from_file, parse, resolve};
 pub use model::{
     Actuators, Drag, Envelope, NoiseBounds, OutputSource, Ranged, Rotor, RotorDynamics, Sensors, Spin, ThrustCurve,

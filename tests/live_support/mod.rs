@@ -186,6 +186,7 @@ impl Echo {
                 velocity_ned_mps: vector * 3.0,
                 half_width_mps: Vector3::from_element(1.5),
                 guarantee: Guarantee::Guaranteed,
+                verdict: Verdict::Consistent,
             }),
             faults: FaultMask(0b101),
             verdict: Verdict::Consistent,

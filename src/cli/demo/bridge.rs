@@ -1,7 +1,6 @@
 use crate::cli::{Failure, run};
 use crate::config::{Config, LinkUrl};
 use crate::daemon::{Daemon, LinkId};
-use crate::pipeline::Fleet;
 use crate::vehicle::Vehicle;
 use std::net::SocketAddr;
 use std::path::{Path, PathBuf};
@@ -31,7 +30,7 @@ impl Bridge {
         }
         let settings = run::settings(&config)?;
         let fleet = config.fleet().ok_or_else(|| Failure::Failed("no vehicle model".to_owned()))?;
-        let fleet = Fleet::new(fleet).map_err(|e| Failure::Failed(e.to_string()))?;
+        let fleet = run::build_fleet(fleet)?;
         let before = logs(out);
         let runtime = tokio::runtime::Builder::new_multi_thread()
             .worker_threads(1)

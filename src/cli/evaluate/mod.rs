@@ -1,5 +1,6 @@
 //! `mavobserver evaluate`: many simulated flights, all cores, one table of how good the estimates are.
 
+mod experiments;
 mod report;
 
 use super::Failure;
@@ -26,11 +27,15 @@ Examples:
   mavobserver evaluate wind-steps gusts --runs 20
   mavobserver evaluate my-scenario.toml --json > scores.json
   mavobserver evaluate --report scores.html
+  mavobserver evaluate --experiment all
 
-Exit codes: 0 scored, 1 an observer has no design for a vehicle, 2 wrong usage or scenario.")]
+Exit codes: 0 scored, 1 an observer has no design for a vehicle or a limit is missed, 2 wrong usage or scenario.")]
 pub struct EvaluateArgs {
     /// Scenarios that come with the program, or TOML files; all that come with it when none is given
     pub scenarios: Vec<String>,
+    /// Repeat an experiment of a paper instead, or `all` of them; repeatable
+    #[arg(long = "experiment", value_name = "NAME", conflicts_with_all = ["scenarios", "observers", "report"])]
+    pub experiments: Vec<String>,
     /// Only this observer; repeatable
     #[arg(long = "observer", value_name = "NAME")]
     pub observers: Vec<String>,
@@ -68,6 +73,9 @@ pub(super) struct Outcome {
 type Outcomes = BTreeMap<(String, String), Outcome>;
 
 pub fn run(args: &EvaluateArgs) -> Result<(), Failure> {
+    if !args.experiments.is_empty() {
+        return experiments::run(&args.experiments, args.json);
+    }
     let jobs = jobs(args)?;
     let threads = args.jobs.unwrap_or_else(|| std::thread::available_parallelism().map_or(1, usize::from)).max(1);
     let outcomes = fly_all(&jobs, threads, args.json);

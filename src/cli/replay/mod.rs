@@ -4,7 +4,7 @@ mod estimates;
 mod summary;
 
 use super::{ConfigArgs, Failure};
-use crate::pipeline::{Event, Fleet};
+use crate::pipeline::Event;
 use crate::vehicle;
 use crate::wire::stats::LinkStats;
 use crate::wire::tlog::{LogFormat, TlogError, TlogReader};
@@ -68,7 +68,7 @@ pub fn run(args: &ReplayArgs) -> Result<(), Failure> {
     let name = config.vehicles.default.as_ref().map_or_else(String::new, |v| v.name.clone());
     let settings = config.fleet().ok_or_else(|| Failure::Usage("no vehicle model; give --vehicle".to_owned()))?;
     tracing::info!("designing the observers for {name}");
-    let mut fleet = Fleet::new(settings).map_err(|e| Failure::Failed(e.to_string()))?;
+    let mut fleet = super::run::build_fleet(settings)?;
     let mut reader = TlogReader::open(&args.log).map_err(|e| failed(&e))?;
     let mut csv = match &args.estimates {
         Some(path) => Some(EstimatesCsv::create(path).map_err(|e| cannot_write(path, &e))?),

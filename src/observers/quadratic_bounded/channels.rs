@@ -15,6 +15,7 @@ pub const REGISTRATION: Registration = Registration {
     estimates: "residual force (NED) and torque (FRD) with bounds",
     needs: &[Channel::Imu, Channel::Attitude, Channel::Velocity, Channel::Actuators],
     options: &["alpha_force", "alpha_torque", "gust_s", "gust_factor"],
+    standard: true,
     builder,
 };
 

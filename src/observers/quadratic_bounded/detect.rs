@@ -7,7 +7,7 @@ const RANK_TOLERANCE: f64 = 1e-9;
 /// `None` when there is no such motion.
 ///
 /// It explains a failed design and is not asked before one: rank decisions need a tolerance, the program does not.
-pub(super) fn unseen_motion(a: &DMatrix<f64>, c: &DMatrix<f64>, alpha: f64) -> Option<String> {
+pub(in crate::observers) fn unseen_motion(a: &DMatrix<f64>, c: &DMatrix<f64>, alpha: f64) -> Option<String> {
     let n = a.nrows();
     let d = balancing(a);
     let a = DMatrix::from_fn(n, n, |i, j| a[(i, j)] * d[j] / d[i]);

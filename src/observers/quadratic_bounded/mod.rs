@@ -11,7 +11,8 @@
 //! | `cache` | designs kept on disk |
 //! | `channels` | one design for each world axis of a vehicle, from its declared bounds; the registration |
 //! | `filter` | the sampled observer and the level of its certificate, for any plant |
-//! | `online` | the observer on a flying vehicle |
+//! | `online` | the observer on a flying vehicle; `thrust`: what it does not know of the rotors; `trust`: whether its
+//! | | sensors tell one story |
 
 mod cache;
 mod certify;
@@ -28,13 +29,16 @@ mod plant;
 mod riccati;
 mod sampled;
 mod synthesis;
+mod thrust;
 mod tradeoff;
+mod trust;
 
 pub use cache::{Cache, design_cached};
 pub use certify::Coverage;
 pub use channels::{Channels, REGISTRATION};
 pub use declared::declared_plant;
 pub use design::{ContinuousDesign, choose_rates, design_continuous};
+pub(in crate::observers) use detect::unseen_motion;
 pub use filter::Filter;
 pub use online::WrenchObserver;
 pub use plant::{NoiseBlock, Plant, PlantError, SampledPlant, half_widths, projected, volume};

@@ -1,5 +1,7 @@
 use super::channels::{Channels, Family, Pace};
 use super::filter::Filter;
+use super::thrust::ThrustLaw;
+use super::trust::{Inertial, Trust};
 use crate::observers::{Observer, StepError};
 use crate::sets::Interval;
 use crate::signal::{Actuation, Aged, Estimate, Guarantee, Measurement, Signal, Verdict};
@@ -34,8 +36,8 @@ const SIGNALS: [Signal; 6] = [
 /// over all six: the declared noise bounds are a box.
 ///
 /// # The bound
-/// `Guaranteed`, given the vehicle's declared noise bounds and envelope, for the residual wrench: everything the model
-/// does not explain, model error included. While the data agree with the assumptions, the ellipsoid's projection is
+/// `Guaranteed`, given the vehicle's declared ranges, noise bounds and envelope, for the residual wrench: everything the
+/// rotors and gravity do not explain, whether what the nominal model leaves over or what really acts is meant. While the data agree with the assumptions, the ellipsoid's projection is
 /// intersected with what the accelerometer alone admits: the interval of forces that fit every sample so far, widened
 /// by the declared rate from one to the next. When an output leaves its admissible set or that interval empties, the
 /// verdict is `AssumptionViolated`; the bound is reopened, held open for the time a gust front is declared to last, and
@@ -59,6 +61,7 @@ pub struct WrenchObserver {
     /// The forces that fit every accelerometer sample since the last reopening, NED, N.
     admitted: [Interval; 3],
     opened: bool,
+    trust: Trust,
     previous: Option<Frame>,
     estimate: Estimate,
     violations: u64,
@@ -70,21 +73,32 @@ struct Frame {
     rotation: Matrix3<f64>,
     attitude: UnitQuaternion<f64>,
     velocity_ned_mps: Vector3<f64>,
+    accel_frd_mps2: Vector3<f64>,
     actuation: Actuation,
+    thrust: ThrustLaw,
 }
 
 impl Frame {
-    fn of(m: &Measurement) -> Option<Self> {
+    fn of(vehicle: &Vehicle, m: &Measurement) -> Option<Self> {
         fn fresh<T: Copy>(x: Option<Aged<T>>) -> Option<T> {
             x.filter(|x| x.age_s.abs() <= MAX_AGE_S).map(|x| x.value)
         }
         let attitude = fresh(m.attitude)?;
-        Some(Self {
-            rotation: attitude.to_rotation_matrix().into_inner(),
-            attitude,
-            velocity_ned_mps: fresh(m.velocity_ned_mps)?,
-            actuation: fresh(m.actuation)?,
-        })
+        let velocity_ned_mps = fresh(m.velocity_ned_mps)?;
+        let mut actuation = fresh(m.actuation)?;
+        let rotation = attitude.to_rotation_matrix().into_inner();
+        let thrust = ThrustLaw::of(vehicle, m, &rotation, velocity_ned_mps, &actuation);
+        actuation.force_frd_n.z += thrust.correction_n;
+        let accel_frd_mps2 = m.imu.accel_frd_mps2;
+        Some(Self { rotation, attitude, velocity_ned_mps, accel_frd_mps2, actuation, thrust })
+    }
+
+    fn inertial(&self) -> Inertial {
+        Inertial {
+            rotation: self.rotation,
+            velocity_ned_mps: self.velocity_ned_mps,
+            accel_frd_mps2: self.accel_frd_mps2,
+        }
     }
 }
 
@@ -104,6 +118,7 @@ impl WrenchObserver {
             opening: [f64::INFINITY; 6],
             admitted: [UNKNOWN; 3],
             opened: false,
+            trust: Trust::default(),
             previous: None,
             estimate: Estimate::unknown(SIGNALS.len()),
             violations: 0,
@@ -269,13 +284,16 @@ impl WrenchObserver {
         worst
     }
 
-    /// Tells the estimate. Where an input of the thrust law is unknown, the residual holds that error too: the bound is
-    /// widened by it.
+    /// Tells the estimate. The certificate holds for what the nominal model leaves over; what really acts differs from
+    /// that by the errors of thrust, mass and inertia within their declared ranges, and the bound is widened by them.
     fn publish(&mut self, frame: &Frame, m: &Measurement, residual: f64) {
-        let doubtful_force = (frame.rotation * frame.actuation.force_frd_n).abs() * frame.actuation.doubt;
-        let doubtful_torque = frame.actuation.torque_frd_nm.abs() * frame.actuation.doubt;
+        let thrust = frame.rotation.column(2).abs() * frame.thrust.half_width_n;
+        let mass_share = self.vehicle.mass_share();
+        let share = self.vehicle.thrust_share() + frame.actuation.doubt;
+        let inertia_share = self.vehicle.inertia_uncertainty;
+        let known_torque = frame.actuation.torque_frd_nm.abs();
         self.estimate.stamp = m.stamp;
-        self.estimate.guarantee = Guarantee::Guaranteed;
+        self.estimate.guarantee = if self.trust.holds() { Guarantee::Guaranteed } else { Guarantee::None };
         self.estimate.residual = residual;
         let level = self.filters.iter().map(Filter::level).fold(0.0, f64::max);
         self.estimate.verdict = if residual > 1.0 {
@@ -291,7 +309,8 @@ impl WrenchObserver {
             range = range.intersect(self.admitted[i]).unwrap_or(range);
             let value = value.clamp(range.lo(), range.hi());
             self.estimate.values[i] = value;
-            self.estimate.half_widths[i] = (range.hi() - value).max(value - range.lo()) + doubtful_force[i];
+            self.estimate.half_widths[i] =
+                (range.hi() - value).max(value - range.lo()) + thrust[i] + mass_share * value.abs();
         }
         let world = Vector3::from_fn(|i, _| self.filters[3 + i].state()[1]);
         let spread = Vector3::from_fn(|i, _| {
@@ -303,7 +322,8 @@ impl WrenchObserver {
         let body_spread = frame.rotation.abs().tr_mul(&spread);
         for i in 0..3 {
             self.estimate.values[3 + i] = body[i];
-            self.estimate.half_widths[3 + i] = body_spread[i] + doubtful_torque[i];
+            let modelled = (share + inertia_share) * known_torque[i] + inertia_share * body[i].abs();
+            self.estimate.half_widths[3 + i] = body_spread[i] + modelled;
         }
     }
 
@@ -341,7 +361,7 @@ impl Observer for WrenchObserver {
             self.silence(m, Verdict::Grounded);
             return Ok(&self.estimate);
         }
-        let Some(frame) = Frame::of(m) else {
+        let Some(frame) = Frame::of(&self.vehicle, m) else {
             self.silence(m, Verdict::Starved);
             return Ok(&self.estimate);
         };
@@ -354,6 +374,9 @@ impl Observer for WrenchObserver {
         }
         let previous = self.previous.replace(frame).unwrap_or(frame);
         self.fill(&frame, &previous, m);
+        if m.discontinuity.is_some() {
+            self.trust.restart();
+        }
         if !self.opened || m.discontinuity.is_some() || design_changed {
             self.start();
             self.publish(&frame, m, 0.0);
@@ -363,11 +386,12 @@ impl Observer for WrenchObserver {
             filter.predict(u, dt_s);
         }
         let residual = self.correct(&frame, dt_s);
+        let contradiction = self.trust.step(&self.vehicle, &previous.inertial(), &frame.inertial(), dt_s);
         if let Some(i) = self.filters.iter().position(|f| f.state().iter().any(|x| !x.is_finite())) {
             self.reset();
             return Err(StepError::NotFinite { signal: SIGNALS[i].name });
         }
-        self.publish(&frame, m, residual);
+        self.publish(&frame, m, residual.max(contradiction));
         Ok(&self.estimate)
     }
 
