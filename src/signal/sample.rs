@@ -67,6 +67,10 @@ pub enum SampleKind {
     Pressure {
         pressure_pa: f64,
     },
+    /// What the vehicle itself says its mass is, kg.
+    Mass {
+        mass_kg: f64,
+    },
     /// From HEARTBEAT.
     Armed(bool),
     /// From EXTENDED_SYS_STATE; `None` when the autopilot does not know.

@@ -85,8 +85,7 @@ pub fn design(plant: &Polytope, objective: Objective) -> Result<UnknownInputDesi
         Objective::SmallestGain { decay } => {
             positive("decay", decay)?;
             decoupled.detectable(decay)?;
-            let (x, k, gain_bound, solve_s) = decoupled.solve(decay)?;
-            decoupled.certify(x, &k, decay, gain_bound, solve_s)
+            decoupled.certify(decoupled.solve(decay)?, decay)
         }
         Objective::FastestDecay { gain } => {
             positive("gain", gain)?;
@@ -97,6 +96,14 @@ pub fn design(plant: &Polytope, objective: Objective) -> Result<UnknownInputDesi
 
 fn positive(what: &'static str, value: f64) -> Result<(), DesignError> {
     if value.is_finite() && value > 0.0 { Ok(()) } else { Err(DesignError::Parameter { what, value }) }
+}
+
+/// What the program gives: X, the Kⱼ, the bound κ, and the solver's time.
+struct Solved {
+    x: DMatrix<f64>,
+    k: Vec<DMatrix<f64>>,
+    gain_bound: f64,
+    solve_s: f64,
 }
 
 /// The plant with its unknown input taken out: A − Q·M, for every pair of corners.
@@ -173,8 +180,7 @@ impl<'a> Decoupled<'a> {
         Ok(())
     }
 
-    /// X, the Kⱼ, the bound κ and the solver's time.
-    fn solve(&self, decay: f64) -> Result<(DMatrix<f64>, Vec<DMatrix<f64>>, f64, f64), DesignError> {
+    fn solve(&self, decay: f64) -> Result<Solved, DesignError> {
         let (n, p) = (self.plant.c.ncols(), self.plant.c.nrows());
         let mut problem = Problem::new();
         let (x, kappa) = (problem.symmetric(n), problem.scalar());
@@ -198,7 +204,7 @@ impl<'a> Decoupled<'a> {
         match problem.solve(&Settings::default())? {
             Outcome::Optimal(s) => {
                 let k = place.iter().map(|&at| s.value(&gains[at])).collect();
-                Ok((s.value(&x), k, s.value(&kappa)[(0, 0)], s.seconds))
+                Ok(Solved { x: s.value(&x), k, gain_bound: s.value(&kappa)[(0, 0)], solve_s: s.seconds })
             }
             Outcome::Infeasible(certificate) => Err(DesignError::Infeasible(certificate.to_string())),
             Outcome::Unbounded(ray) => Err(DesignError::Infeasible(ray.to_string())),
@@ -206,14 +212,8 @@ impl<'a> Decoupled<'a> {
         }
     }
 
-    fn certify(
-        &self,
-        x: DMatrix<f64>,
-        k: &[DMatrix<f64>],
-        decay: f64,
-        gain_bound: f64,
-        solve_s: f64,
-    ) -> Result<UnknownInputDesign, DesignError> {
+    fn certify(&self, solved: Solved, decay: f64) -> Result<UnknownInputDesign, DesignError> {
+        let Solved { x, k, gain_bound, solve_s } = solved;
         let x = (&x + x.transpose()) * 0.5;
         let refuse = |j, margin| DesignError::NotVerified { i: j, j, margin };
         let factor = x.clone().cholesky().ok_or_else(|| refuse(0, verify::margin(&x)))?;
@@ -248,8 +248,7 @@ impl<'a> Decoupled<'a> {
     fn fastest(&self, gain: f64) -> Result<UnknownInputDesign, DesignError> {
         let at = |decay: f64| -> Result<UnknownInputDesign, DesignError> {
             self.detectable(decay)?;
-            let (x, k, bound, solve_s) = self.solve(decay)?;
-            self.certify(x, &k, decay, bound, solve_s)
+            self.certify(self.solve(decay)?, decay)
         };
         let fits = |d: &Result<UnknownInputDesign, DesignError>| d.as_ref().is_ok_and(|d| d.gain_bound <= gain);
         // no gain of size κ moves a pole of the decoupled plant by more than about κ

@@ -66,6 +66,7 @@ pub struct Aligner {
     origin: Option<LocalOrigin>,
     rpm: Option<(Stamp, [f64; MAX_ROTORS])>,
     voltage: Option<(Stamp, f64)>,
+    mass: Option<(Stamp, f64)>,
     gate: Gate,
 
     last: Option<Measurement>,
@@ -97,6 +98,7 @@ impl Aligner {
             origin: None,
             rpm: None,
             voltage: None,
+            mass: None,
             gate: Gate::default(),
             last: None,
             broken: Some(Discontinuity::First),
@@ -161,6 +163,7 @@ impl Aligner {
             SampleKind::Actuators { outputs } => self.outputs.push(t, outputs),
             SampleKind::RotorRpm { rpm } => self.push_rpm(t, rpm),
             SampleKind::Battery { voltage_v } => self.voltage = Some((t, voltage_v)),
+            SampleKind::Mass { mass_kg } => self.mass = Some((t, mass_kg)),
             SampleKind::Pressure { pressure_pa } => self.barometer.push(t, Barometer::from_pressure(pressure_pa)),
             SampleKind::Armed(armed) => self.gate.armed = Some(armed),
             SampleKind::InAir(in_air) => self.gate.in_air = in_air,
@@ -263,6 +266,8 @@ impl Aligner {
         m.dt_s = self.last.as_ref().map_or(0.0, |l| stamp - l.stamp);
         let fresh = |s: Stamp, limit: f64| (stamp - s < limit).then_some(stamp - s);
         m.rotor_rpm = self.rpm.and_then(|(s, value)| Some(Aged { value, age_s: fresh(s, STALE_S)? }));
+        // told when it changes, and true until told otherwise
+        m.mass_kg = self.mass.map(|(s, value)| Aged { value, age_s: stamp - s });
         // these change slowly: half a minute old is as good as new
         m.voltage_v = self.voltage.and_then(|(s, value)| Some(Aged { value, age_s: fresh(s, 30.0)? }));
         let pressure = self.barometer.at(stamp, DENSITY_S);

@@ -6,8 +6,8 @@ mod motion;
 use super::clock::{ClockEvent, VehicleClock};
 use crate::signal::{ImuSource, Sample, SampleKind, Stamp};
 use crate::vehicle::OutputSource;
-use crate::wire::FrameRef;
 use crate::wire::dialect::ardupilotmega as mav;
+use crate::wire::{Fields, FrameRef};
 use actuators::{OutputSourceRank, rotor_output};
 use nalgebra::Vector3;
 
@@ -112,6 +112,7 @@ impl Decoder {
                 };
                 sink(self.unstamped(received_us, SampleKind::InAir(in_air)));
             }
+            251 => self.named_value(f, received_us, sink),
             291 => self.rpm(f.u8(56), |i| f.i32(8 + 4 * i).into(), received_us, sink),
             331 => self.odometry(f, received_us, sink),
             375 => {
@@ -124,6 +125,16 @@ impl Decoder {
                 self.rpm(first, |i| f.u16(24 + 2 * i).into(), received_us, sink);
             }
             _ => {}
+        }
+    }
+
+    /// NAMED_VALUE_FLOAT `MASS_KG`: a vehicle that sprays or carries says what it weighs now, for example from a script.
+    fn named_value(&mut self, f: Fields<'_>, received_us: u64, sink: &mut dyn FnMut(Decoded)) {
+        const NAME: &[u8] = b"MASS_KG\0";
+        let mass_kg = f64::from(f.f32(4));
+        let named = NAME.iter().enumerate().all(|(i, c)| f.u8(8 + i) == *c);
+        if named && mass_kg.is_finite() && mass_kg > 0.0 {
+            sink(self.unstamped(received_us, SampleKind::Mass { mass_kg }));
         }
     }
 
