@@ -1,4 +1,8 @@
-//! Generates the types of `dialects/mavobserver.xml` into `OUT_DIR/mavobserver.rs`; `src/wire/dialect.rs` includes them.
+//! Generates from the dialects what `src/wire` includes: the types of `dialects/mavobserver.xml` into
+//! `OUT_DIR/mavobserver.rs`, and the definitions of all messages as tables into `OUT_DIR/definitions.rs`.
+
+#[path = "dialects/xml.rs"]
+mod xml;
 
 use std::error::Error;
 use std::fs::{self, File};
@@ -21,5 +25,12 @@ fn main() -> Result<(), Box<dyn Error>> {
     )?;
     // The generated file begins with inner attributes, so it must be a module of its own and cannot be included as is.
     fs::write(out.join("mod.rs"), "pub mod mavobserver;\n")?;
+
+    let mut definitions = xml::Definitions::default();
+    for (directory, file) in [("mavlink", "ardupilotmega.xml"), ("mavlink", "development.xml"), ("", "mavobserver.xml")]
+    {
+        definitions.read(&Path::new(DIALECTS).join(directory), file)?;
+    }
+    fs::write(out.join("definitions.rs"), definitions.source()?)?;
     Ok(())
 }

@@ -23,6 +23,7 @@
 //! | [`telemetry`] | MAVLink → `Sample` → `Measurement`; clocks | `wire`, `signal`, `vehicle` |
 //! | [`pipeline`] | one vehicle's chain from frames to a snapshot; no I/O | all of the above |
 //! | [`outputs`] | snapshot → MAVLink messages | `wire`, `signal`, `pipeline` |
+//! | [`record`] | MCAP recordings: schemas, writing, reading, conversion, recovery | `wire`, `signal`, `telemetry`, `pipeline` |
 //! | [`sim`] | a multirotor in software: physics, air, sensors, autopilot, MAVLink feed | `document`, `signal`, `vehicle`, `wire` |
 //! | [`evaluate`] | simulated flights with known truth, and scores of the estimates | `observers`, `pipeline`, `sim`, `signal`, `vehicle`, `wire` |
 //! | [`config`] | TOML → checked config, every issue at once | `document`, `vehicle`, `observers`, `pipeline`, `outputs`, `wire` |
@@ -41,6 +42,7 @@ pub mod evaluate;
 pub mod observers;
 pub mod outputs;
 pub mod pipeline;
+pub mod record;
 pub mod report;
 pub mod sdp;
 pub mod sets;

@@ -5,6 +5,7 @@
 
 pub mod check;
 mod config_args;
+pub mod convert;
 pub mod demo;
 pub mod design;
 pub mod evaluate;
@@ -39,6 +40,7 @@ const EXIT_CODES: &str = "Exit codes: 0 done, 1 failed, 2 wrong usage or config.
 enum Command {
     Run(run::RunArgs),
     Replay(replay::ReplayArgs),
+    Convert(convert::ConvertArgs),
     Check(check::CheckArgs),
     Sim(sim::SimArgs),
     Evaluate(evaluate::EvaluateArgs),
@@ -101,6 +103,7 @@ pub fn run(cli: Cli) -> Result<(), Failure> {
     match cli.command {
         Command::Run(args) => run::run(args),
         Command::Replay(args) => replay::run(&args),
+        Command::Convert(args) => convert::run(&args),
         Command::Check(args) => check::run(args),
         Command::Sim(args) => sim::run(&args),
         Command::Evaluate(args) => evaluate::run(&args),

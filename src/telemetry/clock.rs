@@ -57,6 +57,19 @@ impl VehicleClock {
         Some(Stamp::from_micros(boot_us as i64))
     }
 
+    /// When something stamped so arrives with the least delay seen lately, µs since 1970: boot time on the receiver's
+    /// clock.
+    pub fn to_receive_time(&self, stamp: Stamp) -> Option<u64> {
+        let (offset, _) = self.offset_us?;
+        let unix_us = stamp.nanos() as f64 * 1e-3 + offset;
+        (unix_us >= 0.0).then_some(unix_us as u64)
+    }
+
+    /// The newest boot stamp.
+    pub fn newest(&self) -> Option<Stamp> {
+        self.newest
+    }
+
     /// Learns how UNIX time and boot time lie to each other (SYSTEM_TIME).
     pub fn observe_unix(&mut self, unix_us: u64, boot_ms: u32) {
         if unix_us > UNIX_THRESHOLD_US {

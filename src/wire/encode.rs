@@ -1,5 +1,6 @@
 //! Messages to frames.
 
+use super::catalog::message_info;
 use super::frame::{CHECKSUM, FrameBuf, HEADER_V1, HEADER_V2, MAGIC_V1, MAGIC_V2};
 use mavlink_core::{MavlinkVersion, MessageData, calculate_crc, consts};
 
@@ -56,6 +57,37 @@ impl Encoder {
         let sequence = self.sequence;
         self.sequence = sequence.wrapping_add(1);
         sequence
+    }
+}
+
+/// The header of a frame that is made of its parts.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct FrameHeader {
+    pub version: MavlinkVersion,
+    pub system: u8,
+    pub component: u8,
+    pub sequence: u8,
+    pub message_id: u32,
+}
+
+impl FrameHeader {
+    /// The unsigned frame with this payload, taken as it is. `None` if no dialect here defines the message, if MAVLink 1
+    /// cannot number it, or if the payload is too long. Does not allocate.
+    pub fn frame(&self, payload: &[u8]) -> Option<FrameBuf> {
+        let crc_extra = message_info(self.message_id)?.crc_extra;
+        let len = u8::try_from(payload.len()).ok()?;
+        let Self { version, system, component, sequence, .. } = *self;
+        let [a, b, c, _] = self.message_id.to_le_bytes();
+        match version {
+            MavlinkVersion::V1 if self.message_id > 255 => None,
+            MavlinkVersion::V1 => Some(FrameBuf::build(version, |bytes| {
+                assemble(bytes, &[MAGIC_V1, len, sequence, system, component, a], payload, crc_extra)
+            })),
+            MavlinkVersion::V2 => Some(FrameBuf::build(version, |bytes| {
+                let header = [MAGIC_V2, len, 0, 0, sequence, system, component, a, b, c];
+                assemble(bytes, &header, payload, crc_extra)
+            })),
+        }
     }
 }
 

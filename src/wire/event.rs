@@ -9,6 +9,16 @@ pub enum Event<'a> {
     Bad(BadFrame<'a>),
 }
 
+impl<'a> Event<'a> {
+    /// The bytes it covers.
+    pub fn bytes(&self) -> &'a [u8] {
+        match self {
+            Self::Frame(frame) => frame.bytes(),
+            Self::Bad(bad) => bad.bytes,
+        }
+    }
+}
+
 /// Bytes that are no frame.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct BadFrame<'a> {

@@ -9,6 +9,7 @@
 //! Imports nothing from the rest of the crate.
 
 mod catalog;
+pub mod definitions;
 pub mod dialect;
 mod encode;
 mod event;
@@ -20,7 +21,7 @@ pub mod stats;
 pub mod tlog;
 
 pub use catalog::{MessageInfo, message_info};
-pub use encode::{EncodeError, Encoder};
+pub use encode::{EncodeError, Encoder, FrameHeader};
 pub use event::{BadFrame, BadReason, Event};
 pub use fields::{Fields, decode};
 pub use frame::{Check, FrameBuf, FrameRef, MAX_FRAME_LEN};

@@ -17,6 +17,9 @@ pub struct Record<'a> {
     /// When the frame was received, µs since 1970. A bad stretch and a frame whose stamp was damaged carry the time of
     /// the record before. `None` in a log without stamps.
     pub received_unix_us: Option<u64>,
+    /// The bytes between the event before and this one: a stamp of eight bytes, or none. A bad stretch that hides where
+    /// its stamps were holds them itself, so stamps and events together are the log, byte for byte.
+    pub stamp: &'a [u8],
     pub event: Event<'a>,
 }
 
@@ -102,11 +105,13 @@ impl<R: Read> TlogReader<R> {
                 }
                 let step = walk.step(data, self.ended);
                 *start += step.consumed;
-                Ok(Some(Record { received_unix_us: step.received_unix_us, event: step.event }))
+                // what a step takes ends with its event
+                let stamp = &data[..step.consumed - step.event.bytes().len()];
+                Ok(Some(Record { received_unix_us: step.received_unix_us, stamp, event: step.event }))
             }
             State::Raw { window, parser } => loop {
                 if let Some(found) = parser.find() {
-                    return Ok(Some(Record { received_unix_us: None, event: parser.event(&found) }));
+                    return Ok(Some(Record { received_unix_us: None, stamp: &[], event: parser.event(&found) }));
                 }
                 if self.ended {
                     return Ok(None);

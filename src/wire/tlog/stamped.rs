@@ -94,11 +94,7 @@ impl Walk {
 
     /// Takes a record whose frame, good or bad, stands at `at`.
     fn take<'a>(&mut self, data: &[u8], at: usize, own_us: Option<u64>, event: Event<'a>) -> Step<'a> {
-        let len = match event {
-            Event::Frame(frame) => frame.bytes().len(),
-            Event::Bad(bad) => bad.bytes.len(),
-        };
-        let consumed = at + len;
+        let consumed = at + event.bytes().len();
         // A stamp far from the last one is damaged if the next stamp agrees with the last; otherwise the receiver's
         // clock was set.
         let damaged = !self.is_plausible(own_us, None) && self.is_plausible(stamp(data, consumed), None);
