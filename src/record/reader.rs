@@ -103,10 +103,8 @@ impl<R: Read> McapReader<R> {
                     }
                     self.metadata.insert(m.name, m.metadata);
                 }
-                records::Record::Message { header, data } => {
-                    if self.restore.message(&header, &data)? {
-                        return Ok(Some(self.restore.record()));
-                    }
+                records::Record::Message { header, data } if self.restore.message(&header, &data)? => {
+                    return Ok(Some(self.restore.record()));
                 }
                 records::Record::DataEnd(_) => break,
                 _ => {}
