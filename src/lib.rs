@@ -13,11 +13,12 @@
 //! |---|---|---|
 //! | [`sets`] | intervals and other sets with outward rounding | nothing |
 //! | [`sdp`] | affine matrix expressions, LMIs, log-det, the Clarabel bridge, verification | nothing |
+//! | [`sos`] | polynomials, sums of squares on regions, their certificates | `sdp` |
 //! | [`document`] | TOML read key by key, every issue collected with its place | nothing |
 //! | [`report`] | charts as SVG, reports as one HTML page | nothing |
 //! | [`signal`] | `Stamp`, `Sample`, `Measurement`, `Estimate`: the values that flow | nothing |
 //! | [`vehicle`] | rigid body, rotors, drag, actuator → wrench, presets | `sets`, `signal`, `document` |
-//! | [`observers`] | the `Observer` trait, its registry, one room per paper | `sets`, `sdp`, `vehicle`, `signal` |
+//! | [`observers`] | the `Observer` trait, its registry, one room per paper | `sets`, `sdp`, `sos`, `vehicle`, `signal` |
 //! | [`wind`] | wrench → wind velocity with its bound | `sets`, `vehicle`, `signal` |
 //! | [`wire`] | MAVLink framing, dialects, link statistics | nothing |
 //! | [`telemetry`] | MAVLink → `Sample` → `Measurement`; clocks | `wire`, `signal`, `vehicle` |
@@ -48,6 +49,7 @@ pub mod sdp;
 pub mod sets;
 pub mod signal;
 pub mod sim;
+pub mod sos;
 pub mod telemetry;
 pub mod vehicle;
 pub mod wind;

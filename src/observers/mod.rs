@@ -3,9 +3,11 @@
 //! In: [`Measurement`]s of one vehicle. Out: [`Estimate`]s with bounds and a verdict. An observer knows no MAVLink, no
 //! clock, no I/O and no async runtime; its gains are designed in its builder, never in `step`.
 //! A new observer is one new file (or room) and one line in [`REGISTRY`].
-//! Imports `sets`, `sdp`, `vehicle` and `signal` only.
+//! Imports `sets`, `sdp`, `sos`, `vehicle` and `signal` only.
 
+pub mod cache;
 pub mod cascade_gnss_ins;
+pub mod fuzzy_polynomial;
 mod options;
 pub mod quadratic_bounded;
 mod registry;

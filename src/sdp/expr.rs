@@ -105,6 +105,42 @@ impl Affine {
         self + self.transpose()
     }
 
+    /// The matrix with these 1×1 expressions at (row, column) and zero elsewhere; what meets in one place adds up.
+    pub fn from_entries(rows: usize, cols: usize, entries: impl IntoIterator<Item = ((usize, usize), Affine)>) -> Self {
+        let mut out = Self::zeros(rows, cols);
+        for (at, entry) in entries {
+            let outside = at.0 >= rows || at.1 >= cols;
+            if out.fault.is_none() && (entry.fault.is_some() || outside || entry.shape() != (1, 1)) {
+                out.fault = entry.faulty("entry", (rows, cols), entry.shape()).fault;
+            }
+            if out.fault.is_none() {
+                out.constant[at] += entry.constant[(0, 0)];
+                out.add_shifted(&entry, at);
+            }
+        }
+        out
+    }
+
+    /// (row, column, 1×1 expression) of every entry that is not zero throughout.
+    pub fn entries_that_occur(&self) -> Vec<(usize, usize, Affine)> {
+        let mut found: BTreeMap<(usize, usize), Affine> = BTreeMap::new();
+        let start = |at: (usize, usize)| Self {
+            fault: self.fault.clone(),
+            ..Self::constant(self.constant.view(at, (1, 1)).into())
+        };
+        for (j, column) in self.constant.column_iter().enumerate() {
+            for (i, _) in column.iter().enumerate().filter(|(_, v)| **v != 0.0) {
+                found.insert((i, j), start((i, j)));
+            }
+        }
+        for (&k, f) in &self.terms {
+            for (&at, &v) in f {
+                found.entry(at).or_insert_with(|| start(at)).terms.entry(k).or_default().insert((0, 0), v);
+            }
+        }
+        found.into_iter().map(|((i, j), e)| (i, j, e)).collect()
+    }
+
     /// The trace, as a 1×1 expression.
     pub fn trace(&self) -> Self {
         let (rows, cols) = self.shape();
@@ -232,7 +268,7 @@ impl Affine {
         Self { constant, terms, fault: None }
     }
 
-    fn faulty(&self, operation: &'static str, left: (usize, usize), right: (usize, usize)) -> Self {
+    pub(super) fn faulty(&self, operation: &'static str, left: (usize, usize), right: (usize, usize)) -> Self {
         let mut out = Self::zeros(left.0, right.1);
         out.fault = Some(self.fault.clone().unwrap_or(ShapeError { operation, left, right }));
         out

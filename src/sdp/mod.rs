@@ -14,13 +14,16 @@ mod expr;
 #[allow(unsafe_code)]
 #[cfg(not(feature = "system-openblas"))]
 mod lapack;
+mod norms;
 mod outcome;
+mod parallel;
 mod problem;
 mod scaling;
 pub mod verify;
 
 pub use expr::{Affine, ShapeError};
 pub use outcome::{Infeasible, Outcome, Solution, Unbounded};
+pub use parallel::in_parallel;
 pub use problem::{LogDet, Problem, ProblemError, Settings};
 
 #[cfg(test)]

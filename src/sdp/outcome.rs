@@ -20,6 +20,17 @@ pub enum Outcome {
 }
 
 impl Outcome {
+    /// The optimum, or else the last point before the solver stopped short: for callers who judge it themselves.
+    ///
+    /// # Errors
+    /// The outcome itself, when it holds no point.
+    pub fn best(self) -> Result<Solution, Self> {
+        match self {
+            Self::Optimal(s) | Self::Inaccurate { best: Some(s), .. } => Ok(s),
+            other => Err(other),
+        }
+    }
+
     pub(super) fn with_seconds(mut self, seconds: f64) -> Self {
         if let Self::Optimal(s) = &mut self {
             s.seconds = seconds;

@@ -296,6 +296,24 @@ impl Problem {
         (a.objective - b.objective).abs() <= tolerance * size
     }
 
+    /// The analytic centre: the point with the largest Σ log det of all constraints' matrices, whatever the objective.
+    ///
+    /// A well-conditioned choice among the feasible points where no best one exists or where the best lies on the
+    /// border. Constraints that leave a direction open have no centre, which the outcome says.
+    ///
+    /// # Errors
+    /// Only for a problem that is stated wrongly.
+    pub fn centre(&self, settings: &Settings) -> Result<Outcome, ProblemError> {
+        let mut problem = self.clone();
+        problem.objective = Objective {
+            log_dets: self.constraints.iter().map(|c| (1.0, c.expr.clone())).collect(),
+            ..Objective::default()
+        };
+        // a matrix in a log det is positive anyway; what asks for room still gets it
+        problem.constraints.retain(|c| c.margin > 0.0);
+        problem.solve(settings)
+    }
+
     /// The objective at a point, as the user stated it; `None` when the log det's matrix is not positive there.
     pub(super) fn objective_at(&self, x: &[f64]) -> Option<f64> {
         let linear: f64 = self.objective.linear.iter().map(|(&k, q)| q * x.get(k).copied().unwrap_or(0.0)).sum();

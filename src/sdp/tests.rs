@@ -291,3 +291,49 @@ proptest! {
         prop_assert!(matches!(outcome, Outcome::Infeasible(_) | Outcome::Inaccurate { .. }), "{outcome:?}");
     }
 }
+
+/// The smallest t for which `within` holds at a fixed matrix.
+fn smallest(m: &DMatrix<f64>, within: impl Fn(&Affine, &Affine) -> Affine) -> f64 {
+    let mut p = Problem::new();
+    let t = p.scalar();
+    p.positive("norm", within(&Affine::constant(m.clone()), &t));
+    p.minimize(&t);
+    optimal(&p, &Settings::default()).objective
+}
+
+#[test]
+fn norms_are_what_they_are_called() {
+    let m = dmatrix![1.0, -2.0, 0.5; 0.3, 4.0, 1.0];
+    let frobenius = m.norm();
+    let spectral = m.clone().singular_values().max();
+    assert!((smallest(&m, Affine::spectral_norm_within) - spectral).abs() < 1e-6);
+    assert!((smallest(&m, Affine::frobenius_norm_within) - frobenius).abs() < 1e-6);
+    assert!((smallest(&m, Affine::squares_within) - frobenius.powi(2)).abs() < 1e-5);
+    // shapes that do not fit stay faults
+    let mut p = Problem::new();
+    let t = p.matrix(2, 1);
+    p.positive("bound", Affine::constant(m).spectral_norm_within(&t));
+    assert!(matches!(p.solve(&Settings::default()), Err(ProblemError::Shape { .. })));
+}
+
+#[test]
+fn the_centre_of_a_set_is_found_in_any_units() {
+    // 0 ⪯ X ⪯ M has its centre at M/2; an interval at its middle
+    for unit in [1.0, 1e6, 1e-6] {
+        let m = dmatrix![4.0, 1.0; 1.0, 3.0] * unit;
+        let mut p = Problem::new();
+        let x = p.symmetric(2);
+        p.positive("X ⪰ 0", &x);
+        p.positive("X ⪯ M", Affine::constant(m.clone()) - &x);
+        // an objective does not move it
+        p.maximize(x.trace());
+        let Outcome::Optimal(s) = p.centre(&Settings::default()).unwrap() else { panic!() };
+        // flat at its top, as every log det
+        assert!((s.value(&x) - &m * 0.5).amax() < 2e-3 * unit, "{unit} {}", s.value(&x));
+    }
+    // an open direction has no centre
+    let mut p = Problem::new();
+    let x = p.scalar();
+    p.positive("x ≥ 1", &x - Affine::identity(1));
+    assert!(!matches!(p.centre(&Settings::default()).unwrap(), Outcome::Optimal(_)));
+}

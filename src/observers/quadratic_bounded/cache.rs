@@ -1,53 +1,27 @@
-//! Designs kept on disk, so that a start costs a proof instead of a synthesis.
-//!
-//! One JSON file per design under `$XDG_CACHE_HOME/mavobserver` (else `~/.cache/mavobserver`), named by a hash of all
-//! inputs, which stand in the file too and are compared. A file holds only the numbers of `Core`: everything that is
-//! claimed about them is proven anew when they are read, so a damaged or doctored file is redone, never believed.
-//! Trouble with the cache is no error: the design is then made.
+//! Sampled designs in the cache of gains: what a file holds are the numbers of `Core`.
 
 use super::plant::{NoiseBlock, SampledPlant};
 use super::sampled::{Core, DesignError, PartialStep, Prepared, SampledDesign, complete, design_sampled};
+use crate::observers::cache::{Cache, Rows};
 use nalgebra::DMatrix;
 use serde::{Deserialize, Serialize};
-use std::io::Write;
-use std::path::{Path, PathBuf};
-
-/// Raised when the same inputs come to mean another design.
-const FORMAT: u32 = 1;
-
-/// Where designs are kept.
-#[derive(Debug, Clone, PartialEq, Eq)]
-pub enum Cache {
-    Directory(PathBuf),
-    /// Nothing is read or written.
-    Off,
-}
 
 impl Cache {
-    /// The user's cache directory; off when the environment names none.
-    pub fn of_user() -> Self {
-        let absolute = |name: &str| std::env::var_os(name).map(PathBuf::from).filter(|p| p.is_absolute());
-        absolute("XDG_CACHE_HOME")
-            .or_else(|| absolute("HOME").map(|h| h.join(".cache")))
-            .map_or(Self::Off, |base| Self::Directory(base.join("mavobserver")))
-    }
-
     /// A sampled design, from the cache or made and then kept. See [`design_sampled`].
     ///
     /// # Errors
     /// Those of [`design_sampled`].
     pub fn sampled(&self, plant: &SampledPlant, alpha: f64, nodes: &[f64]) -> Result<SampledDesign, DesignError> {
-        let Self::Directory(directory) = self else { return design_sampled(plant, alpha, nodes) };
-        let inputs = Inputs::of(plant, alpha, nodes);
-        let path = directory.join(format!("qb-{:016x}.json", inputs.hash()));
-        if let Some(design) = read(&path, &inputs, plant, alpha) {
-            return Ok(design);
-        }
-        let design = design_sampled(plant, alpha, nodes)?;
-        if let Err(e) = write(directory, &path, &Entry { inputs, core: CoreRecord::of(&design) }) {
-            tracing::debug!("design not cached in {}: {e}", path.display());
-        }
-        Ok(design)
+        self.fetch(
+            "qb",
+            &Inputs::of(plant, alpha, nodes),
+            |record: &CoreRecord| {
+                let prepared = Prepared::new(plant, alpha, nodes).map_err(|e| e.to_string())?;
+                let core = record.core(&prepared, nodes).ok_or("its numbers do not fit the plant")?;
+                complete(&prepared, core, 0.0).map_err(|e| e.to_string())
+            },
+            || design_sampled(plant, alpha, nodes).map(|design| (CoreRecord::of(&design), design)),
+        )
     }
 }
 
@@ -59,25 +33,8 @@ pub fn design_cached(plant: &SampledPlant, alpha: f64, nodes: &[f64]) -> Result<
     Cache::of_user().sampled(plant, alpha, nodes)
 }
 
-/// A matrix as rows, as one reads it.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-struct Rows(Vec<Vec<f64>>);
-
-impl Rows {
-    fn of(m: &DMatrix<f64>) -> Self {
-        Self(m.row_iter().map(|r| r.iter().copied().collect()).collect())
-    }
-
-    fn matrix(&self, rows: usize, cols: usize) -> Option<DMatrix<f64>> {
-        let fits = self.0.len() == rows && self.0.iter().all(|r| r.len() == cols);
-        (fits && self.0.iter().flatten().all(|x| x.is_finite()))
-            .then(|| DMatrix::from_fn(rows, cols, |i, j| self.0[i][j]))
-    }
-}
-
 #[derive(Debug, PartialEq, Serialize, Deserialize)]
 struct Inputs {
-    format: u32,
     alpha: f64,
     nodes: Vec<f64>,
     a: Rows,
@@ -91,7 +48,6 @@ impl Inputs {
     fn of(plant: &SampledPlant, alpha: f64, nodes: &[f64]) -> Self {
         let blocks = |b: &[NoiseBlock]| b.iter().map(|b| (Rows::of(&b.w), Rows::of(&b.q))).collect();
         Self {
-            format: FORMAT,
             alpha,
             nodes: nodes.to_vec(),
             a: Rows::of(&plant.a),
@@ -100,29 +56,6 @@ impl Inputs {
             process: blocks(&plant.process),
             output: blocks(&plant.output),
         }
-    }
-
-    /// FNV-1a over every number and shape; a collision costs a miss, since the inputs themselves are compared.
-    fn hash(&self) -> u64 {
-        let mut hash = 0xcbf2_9ce4_8422_2325_u64;
-        let mut take = |bits: u64| {
-            for byte in bits.to_le_bytes() {
-                hash = (hash ^ u64::from(byte)).wrapping_mul(0x0000_0100_0000_01b3);
-            }
-        };
-        take(u64::from(self.format));
-        take(self.alpha.to_bits());
-        let mut row = |r: &[f64]| {
-            take(r.len() as u64);
-            r.iter().for_each(|x| take(x.to_bits()));
-        };
-        row(&self.nodes);
-        let blocks = self.process.iter().chain(&self.output).flat_map(|(w, q)| [w, q]);
-        for m in [&self.a, &self.c, &self.e1].into_iter().chain(blocks) {
-            row(&[m.0.len() as f64]);
-            m.0.iter().for_each(|r| row(r));
-        }
-        hash
     }
 }
 
@@ -208,50 +141,12 @@ impl CoreRecord {
     }
 }
 
-#[derive(Debug, Serialize, Deserialize)]
-struct Entry {
-    inputs: Inputs,
-    core: CoreRecord,
-}
-
-fn read(path: &Path, inputs: &Inputs, plant: &SampledPlant, alpha: f64) -> Option<SampledDesign> {
-    let text = std::fs::read_to_string(path).ok()?;
-    let redo = |why: &str| tracing::warn!("{} is redone: {why}", path.display());
-    let Ok(entry) = serde_json::from_str::<Entry>(&text) else {
-        redo("not a design");
-        return None;
-    };
-    if entry.inputs != *inputs {
-        redo("made for other inputs");
-        return None;
-    }
-    let prepared = Prepared::new(plant, alpha, &inputs.nodes).ok()?;
-    let Some(core) = entry.core.core(&prepared, &inputs.nodes) else {
-        redo("its numbers do not fit the plant");
-        return None;
-    };
-    complete(&prepared, core, 0.0).inspect_err(|e| redo(&e.to_string())).ok()
-}
-
-/// Writes beside the file and renames, so that no reader meets half an entry.
-fn write(directory: &Path, path: &Path, entry: &Entry) -> std::io::Result<()> {
-    std::fs::create_dir_all(directory)?;
-    let part = path.with_extension(format!("{}.part", std::process::id()));
-    let written = std::fs::File::create(&part).and_then(|mut file| {
-        file.write_all(&serde_json::to_vec(entry)?)?;
-        file.sync_all()
-    });
-    written.and_then(|()| std::fs::rename(&part, path)).inspect_err(|_| {
-        // best effort: a leftover part is harmless
-        let _ = std::fs::remove_file(&part);
-    })
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
     use crate::observers::quadratic_bounded::step_nodes;
     use nalgebra::dmatrix;
+    use std::path::{Path, PathBuf};
 
     fn axis() -> SampledPlant {
         SampledPlant {
@@ -299,15 +194,15 @@ mod tests {
             lies.push(value.to_string());
         };
         // a smaller ellipsoid, no gain, a bound that does not grow, an output used in secret, weights from nothing
-        doctored(&|v| v["core"]["p"] = serde_json::json!([[9e9, 0.0], [0.0, 9e9]]));
-        doctored(&|v| v["core"]["p"] = serde_json::json!([[-1.0, 0.0], [0.0, 1.0]]));
-        doctored(&|v| v["core"]["p"] = serde_json::json!([[1.0]]));
-        doctored(&|v| v["core"]["gains"][0] = serde_json::json!([[0.0, 0.0], [0.0, 0.0]]));
-        doctored(&|v| v["core"]["partial"][0]["growth"] = serde_json::json!([0.5, 0.5, 0.5]));
-        doctored(&|v| v["core"]["partial"][1]["gains"] = v["core"]["partial"][2]["gains"].clone());
-        doctored(&|v| v["core"]["shares"] = serde_json::json!([[9.0, 9.0, 9.0], [9.0, 9.0, 9.0], [9.0, 9.0, 9.0]]));
-        doctored(&|v| v["core"]["nodes"] = serde_json::json!([0.01, 0.011, 0.012]));
-        doctored(&|v| v["core"]["partial"] = serde_json::json!([]));
+        doctored(&|v| v["numbers"]["p"] = serde_json::json!([[9e9, 0.0], [0.0, 9e9]]));
+        doctored(&|v| v["numbers"]["p"] = serde_json::json!([[-1.0, 0.0], [0.0, 1.0]]));
+        doctored(&|v| v["numbers"]["p"] = serde_json::json!([[1.0]]));
+        doctored(&|v| v["numbers"]["gains"][0] = serde_json::json!([[0.0, 0.0], [0.0, 0.0]]));
+        doctored(&|v| v["numbers"]["partial"][0]["growth"] = serde_json::json!([0.5, 0.5, 0.5]));
+        doctored(&|v| v["numbers"]["partial"][1]["gains"] = v["numbers"]["partial"][2]["gains"].clone());
+        doctored(&|v| v["numbers"]["shares"] = serde_json::json!([[9.0, 9.0, 9.0], [9.0, 9.0, 9.0], [9.0, 9.0, 9.0]]));
+        doctored(&|v| v["numbers"]["nodes"] = serde_json::json!([0.01, 0.011, 0.012]));
+        doctored(&|v| v["numbers"]["partial"] = serde_json::json!([]));
         doctored(&|v| v["inputs"]["alpha"] = serde_json::json!(30.0));
         for lie in &lies {
             std::fs::write(&file, lie).unwrap();
@@ -328,7 +223,7 @@ mod tests {
 
     #[test]
     fn every_input_changes_the_key() {
-        let key = |p: &SampledPlant, alpha, nodes: &[f64]| Inputs::of(p, alpha, nodes).hash();
+        let key = |p: &SampledPlant, alpha, nodes: &[f64]| Cache::key(&Inputs::of(p, alpha, nodes)).unwrap();
         let mut other = axis();
         other.process[0].w[(0, 0)] = 1e-12;
         let keys = [

@@ -8,7 +8,7 @@
 //! | `synthesis` | its semidefinite programs |
 //! | `detect` | why a plant has no observer |
 //! | `certify` | the proof of that certificate at every step length; `flow`, `jet`: what it computes with |
-//! | `cache` | designs kept on disk |
+//! | `cache` | what of a design is kept on disk |
 //! | `channels` | one design for each world axis of a vehicle, from its declared bounds; the registration |
 //! | `filter` | the sampled observer and the level of its certificate, for any plant |
 //! | `online` | the observer on a flying vehicle; `thrust`: what it does not know of the rotors; `trust`: whether its
@@ -33,7 +33,8 @@ mod thrust;
 mod tradeoff;
 mod trust;
 
-pub use cache::{Cache, design_cached};
+pub use super::cache::Cache;
+pub use cache::design_cached;
 pub use certify::Coverage;
 pub use channels::{Channels, REGISTRATION};
 pub use declared::declared_plant;

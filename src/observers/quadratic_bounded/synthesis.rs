@@ -131,7 +131,7 @@ impl StepInequality {
     fn add(&mut self, problem: &mut Problem, effect: Affine) {
         let weight = problem.scalar();
         let size = effect.shape().1;
-        self.columns.push((effect, times_identity(&weight, size)));
+        self.columns.push((effect, weight.times_identity(size)));
         self.weights.push(weight);
     }
 
@@ -149,12 +149,6 @@ impl StepInequality {
         rows.push(self.columns.iter().map(|(effect, _)| effect.clone()).chain([corner.clone()]).collect());
         Affine::symmetric_block(&rows)
     }
-}
-
-/// weight·I of a size.
-fn times_identity(weight: &Affine, size: usize) -> Affine {
-    let row = |i: usize| (0..=i).map(|j| if i == j { weight.clone() } else { Affine::zeros(1, 1) }).collect();
-    Affine::symmetric_block(&(0..size).map(row).collect::<Vec<_>>())
 }
 
 /// Enlarges the ellipsoid S = P⁻¹ step by step until the decay law holds at every step length.
@@ -196,7 +190,7 @@ fn partial_step(
             gain = problem.matrix(n, used.len()) * &place;
         }
         let corrected = Affine::identity(n) + &gain * frame.c();
-        let mut step = StepInequality::new(&corrected * &frame.transition(dt), times_identity(&growth, n));
+        let mut step = StepInequality::new(&corrected * &frame.transition(dt), growth.times_identity(n));
         for w in &prepared.process {
             step.add(&mut problem, &corrected * &frame.gain(&square_root(&prepared.flow.spread(w, dt))));
         }

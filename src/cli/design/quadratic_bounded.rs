@@ -1,11 +1,10 @@
-//! `mavobserver design`: an observer's synthesis, on the paper's plant or on a vehicle's.
-
-use super::{Failure, print};
+use super::options::{Rates, Shared, matrix, positive, progress, share, three};
+use super::sheet::Sheet;
+use crate::cli::Failure;
 use crate::observers::quadratic_bounded::{
     ContinuousDesign, DesignError, Plant, TradeOff, choose_rates, declared_plant, design_continuous, paper,
 };
 use crate::vehicle;
-use indicatif::{ProgressBar, ProgressStyle};
 use nalgebra::DMatrix;
 use serde_json::{Map, Value, json};
 use std::fmt::Write;
@@ -15,19 +14,6 @@ const EXAMPLES: &str = "Examples:
   mavobserver design quadratic-bounded --alpha 0.1,1,10 --json
   mavobserver design quadratic-bounded --plant px4-sih --mu 0.2,0.95";
 
-/// Design an observer and check the design
-#[derive(Debug, clap::Args)]
-#[command(after_help = EXAMPLES)]
-pub struct DesignArgs {
-    #[command(subcommand)]
-    observer: Observer,
-}
-
-#[derive(Debug, clap::Subcommand)]
-enum Observer {
-    QuadraticBounded(QuadraticBoundedArgs),
-}
-
 /// Wrench with an ellipsoidal bound (Cayero, Rotondo, Morcego, Puig 2019)
 ///
 /// Solves the paper's LMI for each convergence rate, checks it by eigenvalues outside the solver, and gives the volume of
@@ -35,51 +21,29 @@ enum Observer {
 /// runs online is designed for sampled data when it starts.
 #[derive(Debug, clap::Args)]
 #[command(after_help = EXAMPLES)]
-struct QuadraticBoundedArgs {
-    /// The paper's plant, or any vehicle preset or TOML file with its declared bounds
-    #[arg(long, value_name = "PRESET|FILE", default_value = PAPER_PLANT)]
-    plant: String,
+pub struct Args {
+    #[command(flatten)]
+    pub shared: Shared,
+    #[command(flatten)]
+    rates: Rates,
     /// Order of the disturbance model: which derivative of the wrench is bounded [default: 3 for the paper's plant, 1 for
     /// others]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u8).range(1..=6))]
     r: Option<u8>,
-    /// Convergence rates, 1/s
-    #[arg(long, value_name = "LIST", value_delimiter = ',', value_parser = rate)]
-    alpha: Vec<f64>,
     /// Trade-offs from 0 (fast) to 1 (tight): for each, the rate with the least cost is chosen
     #[arg(long, value_name = "LIST", value_delimiter = ',', value_parser = share)]
     mu: Vec<f64>,
     /// Fastest rate a trade-off considers, 1/s
-    #[arg(long, value_name = "RATE", default_value_t = 20.0, value_parser = rate)]
+    #[arg(long, value_name = "RATE", default_value_t = 20.0, value_parser = positive)]
     fastest: f64,
-    /// Print one JSON object
-    #[arg(long)]
-    json: bool,
 }
 
 const PAPER_PLANT: &str = "cayero-hummingbird";
-
-fn rate(text: &str) -> Result<f64, String> {
-    number(text, |x| x > 0.0 && x.is_finite(), "a positive number")
-}
-
-fn share(text: &str) -> Result<f64, String> {
-    number(text, |x| (0.0..=1.0).contains(&x), "a number from 0 to 1")
-}
-
-fn number(text: &str, fits: impl Fn(f64) -> bool, expected: &str) -> Result<f64, String> {
-    text.trim().parse().ok().filter(|x| fits(*x)).ok_or_else(|| format!("expected {expected}"))
-}
 
 impl From<DesignError> for Failure {
     fn from(e: DesignError) -> Self {
         Self::Failed(e.to_string())
     }
-}
-
-pub fn run(args: &DesignArgs) -> Result<(), Failure> {
-    let Observer::QuadraticBounded(args) = &args.observer;
-    quadratic_bounded(args)
 }
 
 /// What was asked for and what came of it.
@@ -93,16 +57,14 @@ struct Report<'a> {
     selected: Vec<(f64, ContinuousDesign)>,
 }
 
-fn quadratic_bounded(args: &QuadraticBoundedArgs) -> Result<(), Failure> {
-    let (order, plant) = plant(&args.plant, args.r)?;
-    let (alphas, mus) = match (args.alpha.as_slice(), args.mu.as_slice()) {
+pub fn run(args: &Args) -> Result<Sheet, Failure> {
+    let name = args.shared.plant.as_deref().unwrap_or(PAPER_PLANT);
+    let (order, plant) = plant(name, args.r)?;
+    let (alphas, mus) = match (args.rates.alpha.as_slice(), args.mu.as_slice()) {
         ([], []) => (vec![0.1, 0.17, 1.0, 2.0, 10.0], vec![0.95, 0.2]),
         (alphas, mus) => (alphas.to_vec(), mus.to_vec()),
     };
-    let bar = ProgressBar::new((alphas.len() + mus.len()) as u64);
-    if let Ok(style) = ProgressStyle::with_template("designing {bar:30} {pos}/{len} {msg}") {
-        bar.set_style(style);
-    }
+    let bar = progress(alphas.len() + mus.len());
     let design = |alpha: f64| {
         bar.set_message(format!("α = {alpha:.4} 1/s"));
         let made = design_continuous(&plant, alpha);
@@ -123,8 +85,7 @@ fn quadratic_bounded(args: &QuadraticBoundedArgs) -> Result<(), Failure> {
         rows = selected.iter().map(|(_, d)| d.clone()).collect();
     }
     bar.finish_and_clear();
-    let report = Report { name: &args.plant, order, plant, rows, trade_off, selected };
-    print(&if args.json { format!("{:#}", report.json()) } else { report.text() })
+    Ok(Report { name, order, plant, rows, trade_off, selected }.sheet())
 }
 
 /// The plant and its order.
@@ -142,12 +103,8 @@ fn plant(name: &str, order: Option<u8>) -> Result<(u8, Plant), Failure> {
     }
 }
 
-fn matrix(m: &DMatrix<f64>) -> Value {
-    m.row_iter().map(|row| row.iter().copied().collect::<Vec<_>>()).collect::<Vec<_>>().into()
-}
-
 impl Report<'_> {
-    fn json(&self) -> Value {
+    fn sheet(&self) -> Sheet {
         let p = &self.plant;
         let n = p.a.nrows();
         let model = json!({
@@ -156,19 +113,21 @@ impl Report<'_> {
             "W1": matrix(&p.w1), "W2": matrix(&p.w2), "Q1": matrix(&p.q1), "Q2": matrix(&p.q2),
         });
         let end = |(alpha, volume): (f64, f64)| json!({ "alpha": alpha, "volume": volume });
-        json!({
-            "observer": "quadratic-bounded",
-            "plant": self.name,
-            "order": self.order,
-            "model": model,
-            "rows": self.rows.iter().map(|d| Value::Object(self.row(d))).collect::<Vec<_>>(),
-            "trade_off": self.trade_off.map(|t| json!({ "smallest": end(t.smallest), "fastest": end(t.fastest) })),
-            "selected": self.selected.iter().map(|(mu, d)| {
-                let mut row = self.row(d);
-                row.insert("mu".into(), json!(mu));
-                Value::Object(row)
-            }).collect::<Vec<_>>(),
-        })
+        let ends = self.trade_off.map(|t| json!({ "smallest": end(t.smallest), "fastest": end(t.fastest) }));
+        let more = [("order", json!(self.order)), ("model", model), ("trade_off", json!(ends))];
+        let chosen = |(mu, d): &(f64, ContinuousDesign)| {
+            let mut row = self.row(d);
+            row.insert("mu".into(), json!(mu));
+            Value::Object(row)
+        };
+        Sheet {
+            observer: "quadratic-bounded",
+            plant: self.name.to_owned(),
+            more: more.into_iter().map(|(k, v)| (k.to_owned(), v)).collect(),
+            rows: self.rows.iter().map(|d| Value::Object(self.row(d))).collect(),
+            selected: self.selected.iter().map(chosen).collect(),
+            text: self.text(),
+        }
     }
 
     /// A and C are the plant's; the observer's own matrix is `closed_loop` = A + gain·C.
@@ -229,20 +188,9 @@ impl Report<'_> {
     }
 }
 
-/// Three significant digits.
-fn three(x: f64) -> String {
-    let digits = if x > 0.0 && x.is_finite() { (2 - x.log10().floor() as i32).clamp(0, 6) as usize } else { 0 };
-    format!("{x:.digits$}")
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    #[test]
-    fn three_digits_at_any_size() {
-        assert_eq!([0.0123, 1.0, 45.67, 1234.5, 0.0].map(three), ["0.0123", "1.00", "45.7", "1234", "0"]);
-    }
 
     #[test]
     fn an_order_that_nothing_bounds_is_a_usage_error() {

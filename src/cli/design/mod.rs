@@ -1,0 +1,39 @@
+//! `mavobserver design`: an observer's synthesis, on the paper's plant or on a vehicle's.
+//!
+//! One file per observer, each with its `Args` and a `run` that gives a [`Sheet`]; one line per observer in the table of
+//! subcommands and one in [`run`]. `options` holds what all of them take, `sheet` turns a sheet into text or JSON.
+
+mod fuzzy_polynomial;
+mod options;
+mod quadratic_bounded;
+mod sheet;
+
+use super::Failure;
+
+const EXAMPLES: &str = "Examples:
+  mavobserver design quadratic-bounded
+  mavobserver design quadratic-bounded --alpha 0.1,1,10 --json
+  mavobserver design quadratic-bounded --plant px4-sih --mu 0.2,0.95
+  mavobserver design fuzzy-polynomial --method all";
+
+/// Design an observer and check the design
+#[derive(Debug, clap::Args)]
+#[command(after_help = EXAMPLES)]
+pub struct DesignArgs {
+    #[command(subcommand)]
+    observer: Observer,
+}
+
+/// Every observer that can be designed, one line each.
+#[derive(Debug, clap::Subcommand)]
+enum Observer {
+    QuadraticBounded(quadratic_bounded::Args),
+    FuzzyPolynomial(fuzzy_polynomial::Args),
+}
+
+pub fn run(args: &DesignArgs) -> Result<(), Failure> {
+    match &args.observer {
+        Observer::QuadraticBounded(a) => quadratic_bounded::run(a)?.deliver(&a.shared),
+        Observer::FuzzyPolynomial(a) => fuzzy_polynomial::run(a)?.deliver(&a.shared),
+    }
+}
