@@ -17,16 +17,6 @@ fn compare(method: Method, tolerance: f64) {
 }
 
 #[test]
-fn table_2_linear_design() {
-    compare(Method::LinearDesign, 1e-3);
-}
-
-#[test]
-fn table_2_linear_analysis() {
-    compare(Method::LinearAnalysis, 0.03);
-}
-
-#[test]
 fn table_2_eight_gains() {
     compare(Method::EightGains, 5e-4);
 }
