@@ -90,6 +90,8 @@ impl Monomial {
 
 impl Mul for &Monomial {
     type Output = Monomial;
+    // powers of a product add up
+    #[allow(clippy::suspicious_arithmetic_impl)]
     fn mul(self, other: &Monomial) -> Monomial {
         let mut factors = self.factors.clone();
         for &(k, n) in &other.factors {

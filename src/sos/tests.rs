@@ -100,7 +100,8 @@ fn what_holds_on_a_region_only_needs_its_multiplier() {
     problem.maximize(&t);
     let s = solve(&problem);
     assert!((s.objective + 1.0).abs() < 1e-4, "{}", s.objective);
-    let check = local.certificate(&s).check(&(&cube - &Polynomial::constant(s.objective)), &[interval.clone()]);
+    let check =
+        local.certificate(&s).check(&(&cube - &Polynomial::constant(s.objective)), std::slice::from_ref(&interval));
     assert!(check.residual < 1e-6, "{check:?}");
     // and the identity holds as a statement about numbers
     for x in [-1.0, -0.3, 0.0, 1.1, 2.0, 5.0] {
