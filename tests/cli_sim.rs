@@ -1,6 +1,8 @@
 //! `mavobserver sim` as a user meets it.
 
 use assert_cmd::cargo::cargo_bin_cmd;
+use mavobserver::wire::dialect::ardupilotmega::{ATTITUDE_QUATERNION_DATA, HEARTBEAT_DATA, TIMESYNC_DATA};
+use mavobserver::wire::{Encoder, Event, Parser, decode};
 use serde_json::Value;
 use std::net::UdpSocket;
 use std::path::Path;
@@ -76,6 +78,48 @@ fn a_link_carries_frames_at_the_pace_asked_for() {
         frames += 1;
     }
     assert!(flight.join().unwrap() >= Duration::from_secs(1));
+}
+
+#[test]
+fn lock_step_waits_for_the_station_and_loses_nothing() {
+    let ground = UdpSocket::bind("127.0.0.1:0").unwrap();
+    ground.set_read_timeout(Some(Duration::from_millis(100))).unwrap();
+    let url = format!("udpout:127.0.0.1:{}", ground.local_addr().unwrap().port());
+    let flight = std::thread::spawn(move || {
+        let arguments = ["hover", "--link", &url, "--duration", "20", "--speed", "max", "--lockstep", "10", "--json"];
+        stdout(&sim(&arguments).success())
+    });
+    let (mut encoder, mut parser) = (Encoder::new(255, 190), Parser::new());
+    let mut datagram = [0; 300];
+    let (mut spoken, mut answered, mut stamps) = (false, 0, Vec::new());
+    while !flight.is_finished() {
+        let Ok((len, from)) = ground.recv_from(&mut datagram) else { continue };
+        if !spoken {
+            spoken = true;
+            ground.send_to(encoder.encode(&HEARTBEAT_DATA::default()).bytes(), from).unwrap();
+        }
+        parser.push(&datagram[..len]);
+        while let Some(event) = parser.next() {
+            let Event::Frame(frame) = event else { continue };
+            if let Some(attitude) = decode::<ATTITUDE_QUATERNION_DATA>(frame) {
+                stamps.push(attitude.time_boot_ms);
+            }
+            if let Some(ask) = decode::<TIMESYNC_DATA>(frame).filter(|t| t.tc1 == 0 && t.target_component == 190) {
+                assert_eq!(ask.target_system, 255);
+                // a slow station: time has to wait for it
+                std::thread::sleep(Duration::from_millis(1));
+                let answer = TIMESYNC_DATA { tc1: 1, ts1: ask.ts1, ..Default::default() };
+                ground.send_to(encoder.encode(&answer).bytes(), from).unwrap();
+                answered += 1;
+            }
+        }
+    }
+    let report: Value = serde_json::from_str(&flight.join().unwrap()).unwrap();
+    // 20 s in slices of 10 ms, less those before the station spoke
+    assert!(report["lockstep_slices"].as_u64().unwrap() > 500, "{report}");
+    assert!(answered > 500);
+    // 50 Hz without a gap, however slow the station
+    assert!(stamps.windows(2).all(|w| (19..=21).contains(&(w[1] - w[0]))));
 }
 
 #[test]

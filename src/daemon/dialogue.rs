@@ -63,6 +63,8 @@ pub(super) struct Dialogue {
     /// ArduPilot only: PX4's output messages are in rotor order.
     parameters: Option<ParameterReader>,
     time: TimesyncClient,
+    /// The vehicle's own question for the time, addressed to us and not answered yet: when it was sent, on its clock.
+    asked_us_at_ns: Option<i64>,
     boot: VehicleClock,
     polled_ms: u64,
 }
@@ -77,6 +79,7 @@ impl Dialogue {
             streams: None,
             parameters: None,
             time: TimesyncClient::new(),
+            asked_us_at_ns: None,
             boot: VehicleClock::default(),
             polled_ms: 0,
         }
@@ -121,6 +124,11 @@ impl Dialogue {
                     return;
                 }
             }
+            // a question to everybody is for others to answer: two answers would confuse an autopilot
+            TIMESYNC if fields.i64(0) == 0 => {
+                let for_us = (fields.u8(16), fields.u8(17)) == (self.vehicle.system, self.component);
+                self.asked_us_at_ns = for_us.then(|| fields.i64(8));
+            }
             TIMESYNC => {
                 self.time.answer(now.unix_ns(), fields.i64(0), fields.i64(8));
             }
@@ -145,6 +153,11 @@ impl Dialogue {
 
     /// What is to be asked now. To be called after every frame; looks at its clock itself.
     pub(super) fn poll(&mut self, now: Now, notice: &mut dyn FnMut(Notice)) -> [Option<Question>; 3] {
+        if let Some(ts1) = self.asked_us_at_ns.take() {
+            let (target_system, target_component) = (self.vehicle.system, self.vehicle.component);
+            let told = TIMESYNC_DATA { tc1: now.unix_ns(), ts1, target_system, target_component };
+            return [Some(Question::Time(told)), None, None];
+        }
         if self.streams.is_none() || now.steady_ms.saturating_sub(self.polled_ms) < POLL_EVERY_MS {
             return [None, None, None];
         }
@@ -250,6 +263,19 @@ mod tests {
         fn commands(&self) -> Vec<&COMMAND_LONG_DATA> {
             self.asked.iter().filter_map(|q| if let Question::Command(c) = q { Some(c) } else { None }).collect()
         }
+    }
+
+    #[test]
+    fn a_question_for_our_time_is_answered_at_once_and_those_for_others_are_not() {
+        let mut scene = Scene::new();
+        let ask = |target_system, target_component| TIMESYNC_DATA { tc1: 0, ts1: 77, target_system, target_component };
+        scene.asked.clear();
+        scene.says(&ask(0, 0));
+        scene.says(&ask(3, 190));
+        assert_eq!(scene.asked, []);
+        scene.says(&ask(3, 191));
+        let told = TIMESYNC_DATA { tc1: scene.now().unix_ns(), ts1: 77, target_system: 3, target_component: 1 };
+        assert_eq!(scene.asked, [Question::Time(told)]);
     }
 
     #[test]

@@ -5,7 +5,8 @@ use serde::Serialize;
 pub struct Errors {
     sum: f64,
     sum_of_squares: f64,
-    sizes: Vec<f32>,
+    count: u64,
+    sizes: Sizes,
     bounded: u64,
     covered: u64,
     width: f64,
@@ -14,7 +15,7 @@ pub struct Errors {
 /// What [`Errors`] come to, in the signal's unit.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct Stats {
-    pub samples: usize,
+    pub samples: u64,
     pub rmse: f64,
     pub bias: f64,
     /// 95 % of all errors are smaller than this.
@@ -29,6 +30,7 @@ impl Errors {
     pub fn add(&mut self, error: f64, half_width: f64) {
         self.sum += error;
         self.sum_of_squares += error * error;
+        self.count += 1;
         self.sizes.push(error.abs() as f32);
         if half_width.is_finite() {
             self.bounded += 1;
@@ -40,7 +42,8 @@ impl Errors {
     pub fn merge(&mut self, other: &Self) {
         self.sum += other.sum;
         self.sum_of_squares += other.sum_of_squares;
-        self.sizes.extend_from_slice(&other.sizes);
+        self.count += other.count;
+        self.sizes.merge(&other.sizes);
         self.bounded += other.bounded;
         self.covered += other.covered;
         self.width += other.width;
@@ -48,26 +51,98 @@ impl Errors {
 
     /// `None` without any sample.
     pub fn stats(&self) -> Option<Stats> {
-        let samples = self.sizes.len();
-        let n = samples as f64;
-        let mut sizes = self.sizes.clone();
-        let at = (samples * 95).div_ceil(100).checked_sub(1)?;
-        let (_, p95, _) = sizes.select_nth_unstable_by(at, f32::total_cmp);
+        let n = self.count as f64;
+        let p95 = self.sizes.p95()?;
         let of_bounded = |x: f64| (self.bounded > 0).then(|| x / self.bounded as f64);
         Some(Stats {
-            samples,
+            samples: self.count,
             rmse: (self.sum_of_squares / n).sqrt(),
             bias: self.sum / n,
-            p95: f64::from(*p95),
+            p95: f64::from(p95),
             coverage: of_bounded(self.covered as f64),
             mean_half_width: of_bounded(self.width),
         })
     }
 }
 
+/// Absolute errors for their percentile: every one of them at first, every second, fourth, … when there are too many.
+#[derive(Debug, Clone)]
+struct Sizes {
+    kept: Vec<f32>,
+    /// One of so many is kept.
+    every: u64,
+    seen: u64,
+}
+
+/// More than this are thinned out: their 95 % is then good to about a thousandth of the samples.
+const KEPT: usize = 100_000;
+
+impl Default for Sizes {
+    fn default() -> Self {
+        Self { kept: Vec::new(), every: 1, seen: 0 }
+    }
+}
+
+impl Sizes {
+    fn push(&mut self, size: f32) {
+        if self.seen.is_multiple_of(self.every) {
+            if self.kept.len() >= KEPT {
+                self.thin_to(2 * self.every);
+            }
+            self.kept.push(size);
+        }
+        self.seen += 1;
+    }
+
+    fn merge(&mut self, other: &Self) {
+        let mut theirs = other.clone();
+        let mut every = self.every.max(theirs.every);
+        loop {
+            self.thin_to(every);
+            theirs.thin_to(every);
+            if self.kept.len() + theirs.kept.len() <= KEPT {
+                break;
+            }
+            every *= 2;
+        }
+        self.kept.append(&mut theirs.kept);
+        self.seen += theirs.seen;
+    }
+
+    fn thin_to(&mut self, every: u64) {
+        if every > self.every {
+            let keep = usize::try_from(every / self.every).unwrap_or(usize::MAX);
+            self.kept = self.kept.iter().copied().step_by(keep).collect();
+            self.every = every;
+        }
+    }
+
+    fn p95(&self) -> Option<f32> {
+        let mut sizes = self.kept.clone();
+        let at = (sizes.len() * 95).div_ceil(100).checked_sub(1)?;
+        let (_, p95, _) = sizes.select_nth_unstable_by(at, f32::total_cmp);
+        Some(*p95)
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn millions_of_errors_take_bounded_room_and_keep_their_percentile() {
+        let mut all = Errors::default();
+        for part in 0..7_u32 {
+            let mut e = Errors::default();
+            // uniform over 0..1, in an order that no stride meets
+            (0..90_000_u32).for_each(|i| e.add(f64::from((i * 7919 + part) % 10_007) / 10_007.0, 1.0));
+            all.merge(&e);
+        }
+        let s = all.stats().unwrap();
+        assert_eq!(s.samples, 630_000);
+        assert!((s.p95 - 0.95).abs() < 2e-3, "{}", s.p95);
+        assert!(all.sizes.kept.len() <= KEPT);
+    }
 
     #[test]
     fn merged_halves_give_the_same_as_the_whole() {

@@ -1,25 +1,10 @@
 use super::settling::{Instant, Settling, settle};
-use super::{Errors, TruthTrack, is_known};
-use crate::observers::BuildError;
-use crate::pipeline::{Event, Fleet, FleetSettings, ObserverSetting, Snapshot};
-use crate::signal::{Estimate, Guarantee, Signal, Stamp, Verdict};
-use crate::sim::control::Flight;
-use crate::sim::scenario::Scenario;
-use crate::sim::{Run, RunOptions, SimError};
-use crate::wire::{self, Parser};
+use super::{Detection, Errors, TruthTrack, is_known};
+use crate::pipeline::Snapshot;
+use crate::signal::{Estimate, Guarantee, Signal, Verdict};
 use nalgebra::Vector3;
-use std::collections::BTreeMap;
-use std::sync::Arc;
-use std::time::{Duration, Instant as Clock};
-
-/// Why there is no result.
-#[derive(Debug, thiserror::Error)]
-pub enum TrialError {
-    #[error("{scenario}: {source}")]
-    Sim { scenario: String, source: SimError },
-    #[error("{scenario}: {source}")]
-    Build { scenario: String, source: BuildError },
-}
+use std::collections::{BTreeMap, BTreeSet};
+use std::time::Duration;
 
 /// Signals that belong together, such as the three of a force.
 #[derive(Debug, Clone, Default)]
@@ -33,19 +18,43 @@ pub struct Quantity {
     series: Vec<Instant>,
 }
 
-/// One flight of one scenario with one observer.
+/// How one observer went about its work.
+#[derive(Debug, Clone, Default)]
+pub struct Conduct {
+    /// Steps in the air, those of them whose verdict was that the assumptions are broken, and those without an answer.
+    pub steps: u64,
+    pub violated: u64,
+    pub starved: u64,
+    /// Time of one step of the observer alone, summed over the steps, ns; 0 for what takes no time of its own.
+    pub cost_ns: f64,
+}
+
+/// One flight of one scenario with any number of observers side by side, or several such flights together.
 #[derive(Debug, Clone, Default)]
 pub struct Trial {
     /// By source (an observer's name, or `wind`) and quantity (`force`, `torque`, `wind`).
     pub quantities: BTreeMap<(&'static str, String), Quantity>,
+    /// By source.
+    pub conduct: BTreeMap<&'static str, Conduct>,
+    pub detection: Detection,
+    /// Why observers were left out: the vehicle's file lacks what they live on.
+    pub left_out: BTreeSet<String>,
     pub flights: u32,
     pub airborne_s: f64,
+    /// Flights that ended in a crash.
+    pub crashes: u32,
     pub steps: u64,
-    /// Steps whose verdict was that the assumptions are broken.
-    pub violated: u64,
-    /// Decoding, alignment and observer, for all steps together.
+    /// Decoding, alignment and all observers, for all steps together.
     pub busy: Duration,
 }
+
+/// The source of the wind, which is made of an observer's force.
+const WIND: &str = "wind";
+const WIND_SIGNALS: [Signal; 3] = [
+    Signal { name: "wind_n", unit: "m/s", frame: "NED" },
+    Signal { name: "wind_e", unit: "m/s", frame: "NED" },
+    Signal { name: "wind_d", unit: "m/s", frame: "NED" },
+];
 
 impl Trial {
     pub fn merge(&mut self, other: &Self) {
@@ -58,21 +67,34 @@ impl Trial {
             mine.bounded += theirs.bounded;
             mine.covered += theirs.covered;
         }
+        for (name, theirs) in &other.conduct {
+            let mine = self.conduct.entry(name).or_default();
+            mine.steps += theirs.steps;
+            mine.violated += theirs.violated;
+            mine.starved += theirs.starved;
+            mine.cost_ns += theirs.cost_ns;
+        }
+        self.detection.merge(&other.detection);
+        self.left_out.extend(other.left_out.iter().cloned());
         self.flights += other.flights;
         self.airborne_s += other.airborne_s;
+        self.crashes += other.crashes;
         self.steps += other.steps;
-        self.violated += other.violated;
         self.busy += other.busy;
     }
 
-    fn see(&mut self, snapshot: &Snapshot<'_>, track: &TruthTrack) {
+    /// Scores everything in a snapshot against the truth of its own stamp.
+    pub(super) fn see(&mut self, snapshot: &Snapshot<'_>, track: &TruthTrack) {
         self.steps += 1;
-        self.violated += u64::from(snapshot.verdict == Verdict::AssumptionViolated);
         for report in snapshot.observers.iter() {
-            if !matches!(report.estimate.verdict, Verdict::Starved | Verdict::Grounded) {
+            let verdict = report.estimate.verdict;
+            self.conduct.entry(report.name).or_default().see(verdict, report.step_ns);
+            if !matches!(verdict, Verdict::Starved | Verdict::Grounded) {
                 self.score(report.name, report.signals, report.estimate, track);
             }
         }
+        let verdict = snapshot.wind.as_ref().map_or(Verdict::Starved, |wind| wind.verdict);
+        self.conduct.entry(WIND).or_default().see(verdict, 0);
         if let Some(wind) = &snapshot.wind {
             let estimate = Estimate {
                 stamp: snapshot.stamp,
@@ -80,9 +102,9 @@ impl Trial {
                 half_widths: wind.half_width_mps.as_slice().to_vec(),
                 guarantee: wind.guarantee,
                 residual: 0.0,
-                verdict: wind.verdict,
+                verdict,
             };
-            self.score("wind", &WIND, &estimate, track);
+            self.score(WIND, &WIND_SIGNALS, &estimate, track);
         }
     }
 
@@ -114,7 +136,8 @@ impl Trial {
         }
     }
 
-    fn close(&mut self, changes: &[f64]) {
+    /// Turns what was kept of the flight into settling times.
+    pub(super) fn close(&mut self, changes: &[f64]) {
         for ((_, kind), quantity) in &mut self.quantities {
             let least = match kind.as_str() {
                 "torque" => 0.02,
@@ -126,69 +149,21 @@ impl Trial {
     }
 }
 
-const WIND: [Signal; 3] = [
-    Signal { name: "wind_n", unit: "m/s", frame: "NED" },
-    Signal { name: "wind_e", unit: "m/s", frame: "NED" },
-    Signal { name: "wind_d", unit: "m/s", frame: "NED" },
-];
+impl Conduct {
+    fn see(&mut self, verdict: Verdict, step_ns: u32) {
+        self.steps += 1;
+        self.cost_ns += f64::from(step_ns);
+        self.violated += u64::from(verdict == Verdict::AssumptionViolated);
+        self.starved += u64::from(matches!(verdict, Verdict::Starved | Verdict::Grounded));
+    }
+
+    /// Mean time of one step of the observer alone; `None` for what takes none of its own.
+    pub fn us_per_step(&self) -> Option<f64> {
+        (self.cost_ns > 0.0).then(|| self.cost_ns * 1e-3 / self.steps as f64)
+    }
+}
 
 /// `force` of `force_n`.
 fn stem(name: &str) -> &str {
     name.rsplit_once('_').map_or(name, |(stem, _)| stem)
-}
-
-/// Flies a scenario once and scores one observer, in lock-step: every frame that reaches the ground goes through the
-/// same chain as in the daemon, and the truth of its stamp is at hand.
-///
-/// # Errors
-/// The vehicle cannot be simulated, or the observer cannot be built for it.
-pub fn fly(scenario: &Scenario, observer: &str) -> Result<Trial, TrialError> {
-    let name = || scenario.name.clone();
-    let plan = scenario.plan(0);
-    let settings = FleetSettings {
-        observers: vec![ObserverSetting::named(observer)],
-        ..FleetSettings::standard(Arc::new(plan.model.clone()))
-    };
-    let mut fleet = Fleet::new(settings).map_err(|source| TrialError::Build { scenario: name(), source })?;
-    let mut one = scenario.clone();
-    one.vehicles = 1;
-    let mut run =
-        Run::new(&one, &RunOptions::default()).map_err(|source| TrialError::Sim { scenario: name(), source })?;
-
-    let mut trial = Trial { flights: 1, ..Trial::default() };
-    let mut track = TruthTrack::default();
-    let mut parser = Parser::new();
-    let mut received = Vec::with_capacity(1 << 12);
-    while !run.done() {
-        received.clear();
-        let mut at_us = 0;
-        run.advance(&mut |r| {
-            received.extend_from_slice(r.bytes);
-            at_us = r.unix_us;
-        });
-        let Some(moment) = run.moment(0) else { break };
-        track.push(Stamp::from_secs(run.boot_s(0)), moment.truth);
-        let flying = matches!(moment.flight, Flight::Flying | Flight::Landing) && !moment.truth.on_ground;
-        if flying {
-            trial.airborne_s += run.loop_s();
-        }
-        parser.push(&received);
-        let mut scoring = Duration::ZERO;
-        let began = Clock::now();
-        while let Some(event) = parser.next() {
-            let wire::Event::Frame(frame) = event else { continue };
-            fleet.frame(frame, at_us, &mut |event| {
-                if let (Event::Snapshot(snapshot, _), true) = (event, flying) {
-                    let began = Clock::now();
-                    trial.see(snapshot, &track);
-                    scoring += began.elapsed();
-                }
-            });
-        }
-        if flying {
-            trial.busy += began.elapsed().saturating_sub(scoring);
-        }
-    }
-    trial.close(&plan.changes());
-    Ok(trial)
 }

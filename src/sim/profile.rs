@@ -92,6 +92,13 @@ impl Profile {
         p
     }
 
+    /// Every value sent through a linear map.
+    #[must_use]
+    pub fn mapped(&self, map: impl Fn(Vector3<f64>) -> Vector3<f64>) -> Self {
+        let piece = |p: &Piece| Piece { a: map(p.a), b: map(p.b), c: map(p.c), ..*p };
+        Self { pieces: self.pieces.iter().map(piece).collect() }
+    }
+
     pub fn at(&self, t_s: f64) -> Vector3<f64> {
         let after = self.pieces.partition_point(|p| p.start_s <= t_s);
         match after.checked_sub(1).and_then(|i| self.pieces.get(i)) {

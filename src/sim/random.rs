@@ -20,6 +20,7 @@ pub enum Part {
     Faults,
     Link,
     Estimator,
+    Vary,
 }
 
 impl Part {
@@ -34,6 +35,7 @@ impl Part {
             Self::Faults => 7,
             Self::Link => 8,
             Self::Estimator => 9,
+            Self::Vary => 10,
             Self::Imu(i) => 64 + u64::from(i),
         }
     }

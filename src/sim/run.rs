@@ -94,6 +94,18 @@ impl Run {
         }
     }
 
+    /// Has the first vehicle ask one ground station (system, component) for its time. Its answer, which repeats the
+    /// number that this gives, tells that it has received everything before. A troubled link does not touch it.
+    pub fn probe(&mut self, station: (u8, u8), ground: &mut dyn FnMut(Received<'_>)) -> Option<i64> {
+        let feed = &mut self.units.first_mut()?.feed;
+        Some(feed.probe(station, &mut |unix_us, frame| ground(Received { vehicle: 0, unix_us, bytes: frame.bytes() })))
+    }
+
+    /// True when a ground station has answered this probe.
+    pub fn answered(&self, probe: i64) -> bool {
+        self.units.first().is_some_and(|u| u.feed.answered() == Some(probe))
+    }
+
     /// Simulated time, s.
     pub fn now_s(&self) -> f64 {
         self.units.first().map_or(0.0, |u| u.vehicle.now().truth.stamp.secs())

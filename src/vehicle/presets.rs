@@ -6,10 +6,11 @@ macro_rules! preset {
     };
 }
 
-const PRESETS: [(&str, &str); 6] = [
+const PRESETS: [(&str, &str); 7] = [
     preset!("arducopter-sitl"),
     preset!("px4-sih"),
     preset!("px4-x500"),
+    preset!("arducopter-hexa"),
     preset!("cayero-hummingbird"),
     preset!("quanser-3dof"),
     preset!("pham-quadrotor"),
@@ -43,7 +44,7 @@ mod tests {
     fn every_preset_is_a_valid_vehicle() {
         for name in names() {
             let vehicle = resolve(name).unwrap_or_else(|e| panic!("{e}"));
-            assert_eq!(vehicle.rotors.len(), 4, "{name}");
+            assert_eq!(vehicle.rotors.len(), if name.ends_with("hexa") { 6 } else { 4 }, "{name}");
         }
     }
 
@@ -58,6 +59,33 @@ mod tests {
         // rotor drag in hover: 0.241·m N per m/s
         let sum_sqrt = 4.0 * (3.0 * 9.80665 / 4.0_f64).sqrt();
         assert!((v.drag.rotor[0].nominal * sum_sqrt - 0.241 * 3.0).abs() < 1e-3);
+    }
+
+    #[test]
+    fn the_hexarotor_hovers_and_turns_like_the_quad_it_is_made_from() {
+        let v = resolve("arducopter-hexa").unwrap();
+        let c = (-0.35 + (0.35_f64.powi(2) + 4.0 * 0.65 * 0.39).sqrt()) / 1.3;
+        let (w, sum_sqrt) = v.rotor_wrench(&RotorCommands { command: [c; MAX_ROTORS], count: 6 }, STILL_AIR);
+        assert!((w.force_frd_n.z + 3.0 * 9.80665).abs() < 0.01 && w.torque_frd_nm.norm() < 1e-9);
+        assert!((v.drag.rotor[0].nominal * sum_sqrt - 0.241 * 3.0).abs() < 1e-3);
+        // motors 1 and 2 are right and left, 3 and 5 in front, 4 and 6 behind; 1, 3 and 6 turn clockwise
+        let alone = |motor: usize| {
+            let mut commands = RotorCommands { command: [0.0; MAX_ROTORS], count: 6 };
+            commands.command[motor - 1] = 1.0;
+            v.rotor_wrench(&commands, STILL_AIR).0.torque_frd_nm
+        };
+        let signs = |motor| alone(motor).map(|t| if t.abs() < 1e-9 { 0.0 } else { t.signum() });
+        let expected = [
+            [-1.0, 0.0, -1.0],
+            [1.0, 0.0, 1.0],
+            [1.0, 1.0, -1.0],
+            [-1.0, -1.0, 1.0],
+            [-1.0, 1.0, 1.0],
+            [1.0, -1.0, -1.0],
+        ];
+        for (motor, expected) in (1..=6).zip(expected) {
+            assert_eq!(<[f64; 3]>::from(signs(motor)), expected, "motor {motor}");
+        }
     }
 
     #[test]

@@ -20,7 +20,7 @@ pub(super) struct Summary {
 #[derive(Debug, Serialize)]
 struct Score {
     unit: &'static str,
-    samples: usize,
+    samples: u64,
     /// Root mean square of the vector error.
     rmse: f64,
     /// Share of instants at which all three components lay within their bounds.

@@ -16,6 +16,8 @@ struct Link {
     peers: Vec<SocketAddr>,
     fixed: bool,
     parser: Parser,
+    /// Who spoke last: system and component.
+    station: Option<(u8, u8)>,
 }
 
 /// More ground stations than this on one port are not answered.
@@ -30,6 +32,11 @@ impl Air {
     /// Datagrams that no socket would take.
     pub fn dropped(&self) -> u64 {
         self.dropped
+    }
+
+    /// A ground station that has spoken: system and component.
+    pub fn station(&self) -> Option<(u8, u8)> {
+        self.links.iter().find_map(|link| link.station)
     }
 
     /// Sends one frame to every peer as a datagram. What does not fit is dropped and counted.
@@ -79,7 +86,7 @@ impl Link {
             }
         };
         socket.set_nonblocking(true).map_err(failed)?;
-        Ok(Self { socket, peers, fixed, parser: Parser::new() })
+        Ok(Self { socket, peers, fixed, parser: Parser::new(), station: None })
     }
 
     fn datagram(&mut self, bytes: &[u8], from: SocketAddr, take: &mut impl FnMut(FrameRef<'_>)) {
@@ -89,6 +96,7 @@ impl Link {
         self.parser.push(bytes);
         while let Some(event) = self.parser.next() {
             if let Event::Frame(frame) = event {
+                self.station = Some((frame.system_id(), frame.component_id()));
                 take(frame);
             }
         }

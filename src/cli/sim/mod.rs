@@ -2,15 +2,17 @@
 
 mod air;
 mod files;
+mod lockstep;
 mod report;
 
 use super::Failure;
 use crate::config::LinkUrl;
 use crate::sim::feed::MavlinkGeneration;
 use crate::sim::scenario::{self, Scenario, ScenarioError};
-use crate::sim::{Run, RunOptions};
+use crate::sim::{Received, Run, RunOptions};
 pub(super) use air::Air;
 use files::Files;
+use lockstep::Lockstep;
 use report::Report;
 use std::path::PathBuf;
 use std::str::FromStr;
@@ -28,6 +30,11 @@ Examples:
   mavobserver sim wind-steps --link udpout:127.0.0.1:14550
   mavobserver sim -c my-scenario.toml --tlog out.tlog --truth out.csv
   mavobserver sim px4-wind --link udpout:127.0.0.1:14550 --speed 5 --vehicles 20
+  mavobserver sim hover --link udpout:127.0.0.1:14550 --lockstep
+
+Lock-step: after every slice of simulated time the first vehicle sends a TIMESYNC (tc1 = 0) addressed to the ground
+station that has spoken, and simulated time stands still until the station answers it (ts1 repeated, tc1 its own time).
+Until a station has spoken time passes at the speed asked for.
 
 Exit codes: 0 flown, 1 a port or file cannot be used, 2 wrong usage or scenario.")]
 pub struct SimArgs {
@@ -52,6 +59,10 @@ pub struct SimArgs {
     /// Times real time, or `max`; 1 with a link and `max` without
     #[arg(long, value_name = "N|max")]
     pub speed: Option<Speed>,
+    /// Wait for the ground station after every so many simulated milliseconds; as fast as it answers without --speed
+    #[arg(long, value_name = "MS", num_args = 0..=1, default_missing_value = "20", requires = "links",
+          value_parser = clap::value_parser!(u32).range(1..=10_000))]
+    pub lockstep: Option<u32>,
     /// Other random numbers than the scenario's
     #[arg(long)]
     pub seed: Option<u64>,
@@ -117,34 +128,63 @@ pub fn run(args: &SimArgs) -> Result<(), Failure> {
         refuse_intervals: args.refuse_intervals,
     };
     let mut flight = Run::new(&scenario, &options).map_err(|e| Failure::Usage(e.to_string()))?;
-    let mut files = Files::create(args.tlog.as_deref(), args.truth.as_deref(), &flight)?;
-    let mut report = Report::new(&scenario);
+    let files = Files::create(args.tlog.as_deref(), args.truth.as_deref(), &flight)?;
+    let mut log = Log { report: Report::new(&scenario), files, trouble: Ok(()) };
+    let mut lockstep = args.lockstep.map(|ms| Lockstep::new(f64::from(ms) * 1e-3));
 
     let bar = report::progress(&flight, args.json);
     let started = Instant::now();
     while !flight.done() {
         air.listen(|frame| flight.receive(frame));
-        let mut trouble = Ok(());
         flight.advance(&mut |received| {
-            report.received(&received);
             air.send(received.bytes);
-            if trouble.is_ok() {
-                trouble = files.frame(&received);
-            }
+            log.frame(&received);
         });
-        trouble?;
-        files.truth(&flight)?;
-        report.observe(&flight);
-        if let Speed::Times(x) = speed {
-            let due = Duration::from_secs_f64(flight.now_s() / x);
-            std::thread::sleep(due.saturating_sub(started.elapsed()));
+        log.moment(&flight)?;
+        let held = match &mut lockstep {
+            Some(lockstep) => lockstep.hold(&mut flight, &mut air, &mut |received| log.frame(&received))?,
+            None => false,
+        };
+        match speed {
+            // the station sets the pace, unless one was asked for
+            _ if held && args.speed.is_none() => {}
+            Speed::Max => {}
+            Speed::Times(x) => {
+                let due = Duration::from_secs_f64(flight.now_s() / x);
+                std::thread::sleep(due.saturating_sub(started.elapsed()));
+            }
         }
         bar.set_position(flight.now_s() as u64);
     }
     bar.finish_and_clear();
-    files.finish()?;
-    let text = report.finish(&flight, started.elapsed(), args.json, air.dropped());
+    log.files.finish()?;
+    let waited = lockstep.map(|l| l.waited());
+    let text = log.report.finish(&flight, started.elapsed(), args.json, air.dropped(), waited);
     super::print(&text)
+}
+
+/// What is kept of a flight: figures and files.
+struct Log {
+    report: Report,
+    files: Files,
+    /// The first file that could not be written.
+    trouble: Result<(), Failure>,
+}
+
+impl Log {
+    fn frame(&mut self, received: &Received<'_>) {
+        self.report.received(received);
+        if self.trouble.is_ok() {
+            self.trouble = self.files.frame(received);
+        }
+    }
+
+    fn moment(&mut self, flight: &Run) -> Result<(), Failure> {
+        std::mem::replace(&mut self.trouble, Ok(()))?;
+        self.files.truth(flight)?;
+        self.report.observe(flight);
+        Ok(())
+    }
 }
 
 fn load(args: &SimArgs) -> Result<Scenario, Failure> {

@@ -17,6 +17,9 @@ pub(super) struct Report {
     frames: u64,
     bytes: u64,
     dropped_datagrams: u64,
+    /// Slices that lock-step waited for, and the mean wait.
+    lockstep_slices: Option<u64>,
+    lockstep_wait_ms: Option<f64>,
     vehicles: Vec<VehicleReport>,
 }
 
@@ -54,6 +57,8 @@ impl Report {
             frames: 0,
             bytes: 0,
             dropped_datagrams: 0,
+            lockstep_slices: None,
+            lockstep_wait_ms: None,
             vehicles: (1..=scenario.vehicles).map(vehicle).collect(),
         }
     }
@@ -85,7 +90,16 @@ impl Report {
         }
     }
 
-    pub fn finish(mut self, run: &Run, wall: Duration, json: bool, dropped_datagrams: u64) -> String {
+    pub fn finish(
+        mut self,
+        run: &Run,
+        wall: Duration,
+        json: bool,
+        dropped_datagrams: u64,
+        waited: Option<(u64, Duration)>,
+    ) -> String {
+        self.lockstep_slices = waited.map(|(slices, _)| slices);
+        self.lockstep_wait_ms = waited.map(|(slices, wait)| wait.as_secs_f64() * 1e3 / slices.max(1) as f64);
         self.simulated_s = run.now_s();
         self.wall_s = wall.as_secs_f64();
         self.times_real_time = self.simulated_s / self.wall_s.max(1e-9);
@@ -111,6 +125,9 @@ impl Report {
         ];
         if self.dropped_datagrams > 0 {
             lines.push(format!("{} datagrams did not fit into the socket and were dropped", self.dropped_datagrams));
+        }
+        if let Some((slices, wait_ms)) = self.lockstep_slices.zip(self.lockstep_wait_ms) {
+            lines.push(format!("lock-step: {slices} slices, each waited for {wait_ms:.2} ms"));
         }
         for v in &self.vehicles {
             lines.push(format!(

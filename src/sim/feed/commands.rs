@@ -29,6 +29,7 @@ impl Feed {
         match frame.message_id() {
             // TIMESYNC: a request has tc1 = 0
             111 if f.i64(0) == 0 => self.tell_time(f.i64(8), frame.system_id(), frame.component_id()),
+            111 => self.answered_ns = Some(f.i64(8)),
             11 => self.set_mode(f.u32(0), vehicle),
             20 => self.read_parameter(f.i16(0), f.text(4, 16)),
             21 => self.params.begin_list(),

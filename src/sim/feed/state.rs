@@ -67,6 +67,8 @@ pub struct Feed {
     booted_us: i64,
     pub(super) now: Clock,
     next_timesync_us: u64,
+    /// What the newest answer to a request for the time repeats of it.
+    pub(super) answered_ns: Option<i64>,
     dropped: u64,
 }
 
@@ -123,6 +125,7 @@ impl Feed {
             booted_us: -((config.boot_offset_s * 1e6) as i64),
             now: Clock::default(),
             next_timesync_us: 0,
+            answered_ns: None,
             dropped: 0,
             config,
         }
@@ -233,11 +236,22 @@ impl Feed {
             return;
         }
         self.next_timesync_us = self.now.boot_us + (1e6 / self.config.stack.timesync_hz()) as u64;
-        let ask =
-            mav::TIMESYNC_DATA { tc1: 0, ts1: (self.now.sent_us * 1000) as i64, target_system: 0, target_component: 0 };
-        if let Some(frame) = self.writer.put(&ask) {
+        self.probe((0, 0), send);
+    }
+
+    /// Asks one station (system, component; 0 for any) for its time. Its answer repeats the number that this gives, and
+    /// tells that it has received everything sent before.
+    pub fn probe(&mut self, (target_system, target_component): (u8, u8), send: Send<'_>) -> i64 {
+        let ts1 = (self.now.sent_us * 1000) as i64;
+        if let Some(frame) = self.writer.put(&mav::TIMESYNC_DATA { tc1: 0, ts1, target_system, target_component }) {
             self.send_frame(&frame, send);
         }
+        ts1
+    }
+
+    /// What the newest answer to a request for the time repeats of it.
+    pub fn answered(&self) -> Option<i64> {
+        self.answered_ns
     }
 
     /// Puts a frame on PX4's slow path: its sequence number is already taken.

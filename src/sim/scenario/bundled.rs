@@ -6,7 +6,7 @@ macro_rules! bundled {
     };
 }
 
-const BUNDLED: [(&str, &str); 12] = [
+const BUNDLED: [(&str, &str); 18] = [
     bundled!("demo"),
     bundled!("hover"),
     bundled!("wind-steps"),
@@ -19,6 +19,12 @@ const BUNDLED: [(&str, &str); 12] = [
     bundled!("bad-link"),
     bundled!("rough-sensors"),
     bundled!("px4-wind"),
+    bundled!("hexa"),
+    bundled!("healthy"),
+    bundled!("faults-quad-50"),
+    bundled!("faults-quad-200"),
+    bundled!("faults-hexa-50"),
+    bundled!("faults-hexa-200"),
 ];
 
 /// The names that [`super::resolve`] knows.

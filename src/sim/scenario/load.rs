@@ -1,5 +1,5 @@
 use super::read::number_or;
-use super::{Home, Scenario, bundled, faults, mission, weather};
+use super::{Home, Scenario, bundled, faults, mission, vary, weather};
 use crate::document::{Document, Issues, Limit, Table, Value, nearest};
 use crate::sim::control::Limits;
 use crate::sim::dynamics::Battery;
@@ -92,6 +92,7 @@ fn scenario(t: &mut Table<'_>, folder: &Path) -> Option<Scenario> {
     let mut all_faults = t.sections("fault", |t| faults::fault(t, vehicle.as_ref()));
     let link = t.get("link").map(|v| v.table(faults::link));
     let streams = t.section("streams", streams);
+    let vary = t.section("vary", vary::vary);
     if let Some(trouble) = link {
         let kind = trouble.map(FaultKind::Link);
         all_faults.push(kind.map(|kind| Fault { kind, from_s: 0.0, until_s: f64::INFINITY }));
@@ -137,6 +138,7 @@ fn scenario(t: &mut Table<'_>, folder: &Path) -> Option<Scenario> {
         vehicles: u8::try_from(vehicles?).ok()?,
         streams,
         sampled: sampled?,
+        vary: vary?,
         plan,
     })
 }

@@ -11,6 +11,7 @@ mod mission;
 mod read;
 mod sample;
 mod series;
+mod vary;
 mod weather;
 
 #[cfg(test)]
@@ -18,6 +19,7 @@ mod tests;
 
 pub use bundled::names;
 pub use load::{ScenarioError, from_file, parse, resolve};
+pub use vary::Vary;
 
 use super::feed::Stack;
 use super::{FlightPlan, random};
@@ -49,6 +51,8 @@ pub struct Scenario {
     pub streams: BTreeMap<String, f64>,
     /// Draw what really flies from the ranges that the vehicle file declares.
     pub sampled: bool,
+    /// What each seed draws anew.
+    pub vary: Vary,
     plan: FlightPlan,
 }
 
@@ -61,6 +65,8 @@ impl Scenario {
             let mut random = random::Random::new(plan.seed, plan.system, random::Part::Vehicle);
             plan.vehicle = sample::within_ranges(&plan.model, &mut random);
         }
+        let mut random = random::Random::new(plan.seed, plan.system, random::Part::Vary);
+        self.vary.apply(&mut plan, &mut random);
         plan
     }
 
