@@ -1,9 +1,12 @@
 //! `mavobserver sim` as a user meets it.
 
 use assert_cmd::cargo::cargo_bin_cmd;
-use mavobserver::wire::dialect::ardupilotmega::{ATTITUDE_QUATERNION_DATA, HEARTBEAT_DATA, TIMESYNC_DATA};
+use mavobserver::wire::dialect::ardupilotmega::{
+    ATTITUDE_QUATERNION_DATA, COMMAND_LONG_DATA, HEARTBEAT_DATA, MavCmd, TIMESYNC_DATA,
+};
 use mavobserver::wire::{Encoder, Event, Parser, decode};
 use serde_json::Value;
+use std::collections::{BTreeMap, BTreeSet};
 use std::net::UdpSocket;
 use std::path::Path;
 use std::time::Duration;
@@ -58,6 +61,44 @@ fn several_vehicles_write_their_own_truth_and_the_summary_counts_them() {
     assert_eq!(report["vehicles"].as_array().unwrap().len(), 3);
     assert!(report["frames"].as_u64().unwrap() > 6_000);
     assert!((1..=3).all(|n| folder.path().join(format!("t.{n}.csv")).is_file()));
+}
+
+#[test]
+fn many_vehicles_share_one_port_and_each_obeys_its_own_commands() {
+    let ground = UdpSocket::bind("127.0.0.1:0").unwrap();
+    ground.set_read_timeout(Some(Duration::from_millis(100))).unwrap();
+    let url = format!("udpout:127.0.0.1:{}", ground.local_addr().unwrap().port());
+    let flight = std::thread::spawn(move || {
+        sim(&["demo", "--vehicles", "12", "--link", &url, "--duration", "10", "--speed", "4"]).success();
+    });
+    let (mut encoder, mut parser) = (Encoder::new(255, 190), Parser::new());
+    let mut datagram = [0; 300];
+    let (mut systems, mut attitudes) = (BTreeSet::new(), BTreeMap::<u8, u32>::new());
+    while !flight.is_finished() {
+        let Ok((len, from)) = ground.recv_from(&mut datagram) else { continue };
+        parser.push(&datagram[..len]);
+        while let Some(event) = parser.next() {
+            let Event::Frame(frame) = event else { continue };
+            if systems.insert(frame.system_id()) && frame.system_id() == 7 {
+                let ask = COMMAND_LONG_DATA {
+                    param1: 31.0,
+                    param2: 50_000.0,
+                    command: MavCmd::MAV_CMD_SET_MESSAGE_INTERVAL,
+                    target_system: 7,
+                    target_component: 1,
+                    ..Default::default()
+                };
+                ground.send_to(encoder.encode(&ask).bytes(), from).unwrap();
+            }
+            if decode::<ATTITUDE_QUATERNION_DATA>(frame).is_some() {
+                *attitudes.entry(frame.system_id()).or_default() += 1;
+            }
+        }
+    }
+    flight.join().unwrap();
+    assert_eq!(systems, (1..=12).collect());
+    assert_eq!(attitudes.keys().copied().collect::<Vec<_>>(), [7], "only the seventh was asked");
+    assert!(attitudes[&7] > 100, "{attitudes:?}");
 }
 
 #[test]

@@ -23,7 +23,7 @@ fn run(plan: &FlightPlan, until_s: f64, mut see: impl FnMut(&Moment)) -> SimVehi
 
 #[test]
 fn every_flying_preset_takes_off_hovers_and_lands() {
-    for name in ["arducopter-sitl", "px4-sih", "px4-x500", "cayero-hummingbird"] {
+    for name in ["arducopter-sitl", "arducopter-hexa", "px4-sih", "px4-x500", "cayero-hummingbird"] {
         let mut plan = flight(name, hover(20.0));
         plan.mission.push(Leg::Land);
         if name == "cayero-hummingbird" {

@@ -1,7 +1,7 @@
 use super::flight::Flight;
 use crate::cli::Failure;
 use crate::evaluate::Errors;
-use crate::report::{Colour, Figure, Panel, ReportError};
+use crate::report::{Colour, Figure, Panel};
 use crate::signal::Stamp;
 use crate::wire::dialect::ardupilotmega::{HEARTBEAT_DATA, MavAutopilot, MavState, MavType};
 use crate::wire::dialect::mavobserver::{MavobserverVerdict, WIND_ESTIMATE_DATA, WRENCH_ESTIMATE_DATA};
@@ -18,6 +18,9 @@ const HEARTBEAT_EVERY: Duration = Duration::from_secs(1);
 /// How long one call waits for a datagram.
 const PATIENCE: Duration = Duration::from_millis(20);
 
+/// Broken assumptions closer together than this are one stretch, s.
+const JOINED_S: f64 = 0.5;
+
 /// A ground station: says that it is there, decodes what arrives, and holds the estimates against the truth.
 pub(super) struct Ground {
     socket: UdpSocket,
@@ -28,6 +31,11 @@ pub(super) struct Ground {
     pub torque: Track,
     pub wind: Track,
     pub verdict: Option<MavobserverVerdict>,
+    /// Wrench estimates in the air, and those that said that their assumptions are broken.
+    estimates: u64,
+    broken: u64,
+    /// When they did, on the boot clock, s.
+    broken_at: Vec<[f64; 2]>,
     /// Frames by message name, ours and the vehicle's.
     pub ours: BTreeMap<&'static str, u64>,
     pub vehicles: u64,
@@ -38,25 +46,47 @@ pub(super) struct Ground {
 /// Time (s), truth, estimate, half-width.
 type Point = (f64, Vector3<f64>, Vector3<f64>, Vector3<f64>);
 
+/// Bounds given, and those that held.
+#[derive(Default)]
+pub(super) struct Held {
+    bounded: u64,
+    covered: u64,
+}
+
+impl Held {
+    fn add(&mut self, held: bool) {
+        self.bounded += 1;
+        self.covered += u64::from(held);
+    }
+
+    pub fn share(&self) -> Option<f64> {
+        (self.bounded > 0).then(|| self.covered as f64 / self.bounded as f64)
+    }
+}
+
 /// One vector over time.
 #[derive(Default)]
 pub(super) struct Track {
     pub errors: [Errors; 3],
-    pub bounded: u64,
-    pub covered: u64,
+    /// Bounds that held: of all, and of those given while the observer called its assumptions sound.
+    pub all: Held,
+    pub sound: Held,
     pub last: Option<(Vector3<f64>, Vector3<f64>)>,
     series: Vec<Point>,
 }
 
 impl Track {
-    fn add(&mut self, t_s: f64, truth: Vector3<f64>, estimate: Vector3<f64>, half_width: Vector3<f64>) {
+    fn add(&mut self, sound: bool, (t_s, truth, estimate, half_width): Point) {
         let error = estimate - truth;
         for (errors, (e, w)) in self.errors.iter_mut().zip(error.iter().zip(half_width.iter())) {
             errors.add(*e, *w);
         }
         if half_width.iter().all(|w| w.is_finite()) {
-            self.bounded += 1;
-            self.covered += u64::from(error.abs() <= half_width);
+            let held = error.abs() <= half_width;
+            self.all.add(held);
+            if sound {
+                self.sound.add(held);
+            }
         }
         self.series.push((t_s, truth, estimate, half_width));
     }
@@ -89,6 +119,9 @@ impl Ground {
             torque: Track::default(),
             wind: Track::default(),
             verdict: None,
+            estimates: 0,
+            broken: 0,
+            broken_at: Vec::new(),
             ours: BTreeMap::new(),
             vehicles: 0,
             span_s: None,
@@ -142,29 +175,51 @@ impl Ground {
             if let Some(truth) = flight.truth(Stamp::from_secs(t_s)) {
                 let (first, _) = self.span_s.unwrap_or((t_s, t_s));
                 self.span_s = Some((first, t_s));
-                self.force.add(t_s, truth.residual_force_ned_n, force, force_width);
-                self.torque.add(t_s, truth.residual_torque_frd_nm, torque, torque_width);
+                let sound = self.judge(t_s, m.verdict);
+                self.force.add(sound, (t_s, truth.residual_force_ned_n, force, force_width));
+                self.torque.add(sound, (t_s, truth.residual_torque_frd_nm, torque, torque_width));
             }
         } else if let Some(m) = decode::<WIND_ESTIMATE_DATA>(frame) {
             let t_s = m.time_boot_us as f64 * 1e-6;
             let (wind, width) = (vector(m.wind_ned), vector(m.half_width));
             self.wind.last = Some((wind, width));
             if let Some(truth) = flight.truth(Stamp::from_secs(t_s)) {
-                self.wind.add(t_s, truth.wind_ned_mps, wind, width);
+                let sound = m.verdict != MavobserverVerdict::MAVOBSERVER_VERDICT_ASSUMPTION_VIOLATED;
+                self.wind.add(sound, (t_s, truth.wind_ned_mps, wind, width));
             }
         }
     }
 
-    /// The run as SVG.
-    pub fn picture(&self, heading: &str) -> Result<String, ReportError> {
+    /// Notes what the observer thinks of its own assumptions; true when it calls them sound.
+    fn judge(&mut self, t_s: f64, verdict: MavobserverVerdict) -> bool {
+        let broken = verdict == MavobserverVerdict::MAVOBSERVER_VERDICT_ASSUMPTION_VIOLATED;
+        self.estimates += 1;
+        self.broken += u64::from(broken);
+        if broken {
+            match self.broken_at.last_mut() {
+                Some(span) if t_s - span[1] < JOINED_S => span[1] = t_s,
+                _ => self.broken_at.push([t_s, t_s]),
+            }
+        }
+        !broken
+    }
+
+    /// Share of the wrench estimates that said that their assumptions are broken.
+    pub fn violated(&self) -> f64 {
+        self.broken as f64 / self.estimates.max(1) as f64
+    }
+
+    /// The run as a picture, without its title.
+    pub fn figure(&self) -> Figure {
         let panels = [
             self.wind.panel(0, "Wind towards north", "m/s"),
             self.wind.panel(1, "Wind towards east", "m/s"),
             self.force.panel(0, "Force north", "N"),
             self.force.panel(1, "Force east", "N"),
             self.torque.panel(0, "Torque about the roll axis", "N m"),
+            Panel::new("", "").lane("broken", Colour::Red, self.broken_at.iter().copied()),
         ];
-        Figure::new(heading).x("time since boot", "s").panels(panels).svg()
+        Figure::new("").x("time since boot", "s").panels(panels)
     }
 }
 

@@ -9,6 +9,7 @@
 mod bridge;
 mod flight;
 mod ground;
+mod page;
 mod screen;
 mod summary;
 
@@ -18,7 +19,7 @@ use bridge::Bridge;
 use flight::Flight;
 use ground::Ground;
 use screen::Screen;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 use summary::Summary;
@@ -27,7 +28,7 @@ use summary::Summary;
 ///
 /// A simulated vehicle flies through changing wind. The daemon asks it for the streams it needs, estimates force, torque
 /// and wind with bounds, and sends them as MAVLink; a ground station decodes them and compares with the truth. Writes a
-/// picture of the run and a recording of everything that went over the links.
+/// picture and a page of the run and a recording of everything that went over the links.
 #[derive(Debug, clap::Args)]
 #[command(after_help = "\
 Examples:
@@ -36,7 +37,7 @@ Examples:
 
 Exit codes: 0 done, 1 no estimate came through or a file cannot be written, 2 wrong usage.")]
 pub struct DemoArgs {
-    /// Directory for the picture and the recording
+    /// Directory for the picture, the page and the recording
     #[arg(long, value_name = "DIR", default_value = "demo")]
     pub out: PathBuf,
     /// The scenario to fly: one that comes with the program, or a TOML file
@@ -93,14 +94,19 @@ pub fn run(args: &DemoArgs) -> Result<(), Failure> {
     }
     let frames_sent = flight.finish()?;
     let recorded = bridge.stop()?;
-    let picture = args.out.join("demo.svg");
-    std::fs::write(&picture, ground.picture(&scenario.description)?)
-        .map_err(|e| Failure::Failed(format!("cannot write {}: {e}", picture.display())))?;
-    let summary = Summary::new(&scenario, &ground, frames_sent, picture, recorded);
+    let (picture, page) = (args.out.join("demo.svg"), args.out.join("demo.html"));
+    let files = [picture.clone(), page.clone()].into_iter().chain(recorded).collect();
+    let summary = Summary::new(&scenario, &ground, frames_sent, files);
+    write(&picture, &ground.figure().titled(&scenario.description).svg()?)?;
+    write(&page, &page::of(&summary, &ground).html()?)?;
     screen.clear();
     super::print(&if args.json { summary.json() } else { summary.text() })?;
     match summary.has_estimates() {
         true => Ok(()),
         false => Err(Failure::Failed("no estimate reached the ground station".to_owned())),
     }
+}
+
+fn write(path: &Path, text: &str) -> Result<(), Failure> {
+    std::fs::write(path, text).map_err(|e| Failure::Failed(format!("cannot write {}: {e}", path.display())))
 }

@@ -44,6 +44,13 @@ impl Figure {
         }
     }
 
+    /// The same picture with another title.
+    #[must_use]
+    pub fn titled(mut self, title: impl Into<String>) -> Self {
+        self.title = title.into();
+        self
+    }
+
     /// Name and unit of the x axis; an empty unit is left out.
     #[must_use]
     pub fn x(mut self, name: impl Into<String>, unit: impl Into<String>) -> Self {

@@ -1,4 +1,5 @@
 use minijinja::{Value, context};
+use std::fmt;
 
 /// Rows of cells under their columns.
 #[derive(Debug, Clone, Default)]
@@ -18,7 +19,7 @@ pub struct Column {
 /// What stands in one place of a table.
 #[derive(Debug, Clone, Default)]
 pub struct Cell {
-    pub(super) text: String,
+    text: String,
     hint: String,
     tone: Tone,
     /// Share of a bar behind the text.
@@ -120,6 +121,13 @@ impl Cell {
         };
         let bar = self.bar.map(|share| format!("{:.0}", share * 100.0));
         context! { text => self.text.clone(), hint => self.hint.clone(), tone, number, bar }
+    }
+}
+
+impl fmt::Display for Cell {
+    /// Its text alone.
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(&self.text)
     }
 }
 

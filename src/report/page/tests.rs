@@ -50,7 +50,7 @@ fn a_page_is_whole_and_everything_in_it_is_escaped() {
 
 #[test]
 fn numbers_keep_four_digits() {
-    let written = |v: f64| Cell::number(v).text;
+    let written = |v: f64| Cell::number(v).to_string();
     assert_eq!(
         [written(0.0), written(12.3456), written(-0.00123456), written(123456.7)],
         ["0", "12.35", "-0.001235", "123457"]

@@ -33,11 +33,15 @@ fn config(stack: Stack) -> FeedConfig {
 
 impl Station {
     fn new(config: FeedConfig) -> Self {
-        let vehicle = resolve(match config.stack {
+        let vehicle = match config.stack {
             Stack::ArduPilot => "arducopter-sitl",
             Stack::Px4 => "px4-sih",
-        })
-        .unwrap();
+        };
+        Self::with(config, vehicle)
+    }
+
+    fn with(config: FeedConfig, vehicle: &str) -> Self {
+        let vehicle = resolve(vehicle).unwrap();
         let (step_s, steps_per_loop) = config.stack.timing();
         let plan = FlightPlan { step_s, steps_per_loop, ..FlightPlan::calm(vehicle.clone(), 1) };
         let flying = SimVehicle::new(&plan).unwrap();
@@ -251,6 +255,43 @@ fn a_ground_station_flies_it() {
     assert_eq!(s.command(MAV_CMD_NAV_LAND, [0.0; 7]), mav::MavResult::MAV_RESULT_ACCEPTED);
     s.run(30.0);
     assert!(!s.vehicle.now().flight.armed() && s.vehicle.now().truth.on_ground);
+}
+
+#[test]
+fn a_hexarotor_says_what_it_is_and_fills_six_outputs() {
+    for stack in [Stack::ArduPilot, Stack::Px4] {
+        let mut c = config(stack);
+        c.streams = ["SERVO_OUTPUT_RAW", "ESC_TELEMETRY_1_TO_4", "ESC_TELEMETRY_5_TO_8", "ACTUATOR_OUTPUT_STATUS"]
+            .map(|name| (name.to_owned(), 10.0))
+            .into();
+        let mut s = Station::with(c, "arducopter-hexa");
+        s.vehicle.arm();
+        s.vehicle.pilot().order([Leg::Takeoff { height_m: 10.0 }, Leg::Hover { seconds: 60.0 }]);
+        s.run(20.0);
+        assert!((s.vehicle.now().truth.position_ned_m.z + 10.0).abs() < 0.5);
+        let heartbeat = s.all::<mav::HEARTBEAT_DATA>().pop().unwrap();
+        assert_eq!(heartbeat.mavtype, mav::MavType::MAV_TYPE_HEXAROTOR);
+        let out = s.all::<mav::SERVO_OUTPUT_RAW_DATA>().pop().unwrap();
+        let six = [out.servo1_raw, out.servo2_raw, out.servo3_raw, out.servo4_raw, out.servo5_raw, out.servo6_raw];
+        assert!(six.iter().all(|o| (1500..1700).contains(o)), "{six:?}");
+        let parameter = |name: &str| s.feed.params.get(s.feed.params.find(name).unwrap()).unwrap().value;
+        match stack {
+            Stack::ArduPilot => {
+                assert_eq!(out.servo7_raw, 0);
+                // as recorded from the quad: all frames hover at the same share of full speed
+                let rpm = s.all::<mav::ESC_TELEMETRY_5_TO_8_DATA>().pop().unwrap().rpm;
+                assert!((6300..6900).contains(&rpm[0]) && (6300..6900).contains(&rpm[1]) && rpm[2] == 0, "{rpm:?}");
+                assert_eq!(["FRAME_CLASS", "SERVO6_FUNCTION", "SERVO7_FUNCTION"].map(parameter), [2.0, 38.0, 0.0]);
+            }
+            Stack::Px4 => {
+                assert_eq!(["CA_ROTOR_COUNT", "MAV_TYPE", "PWM_MAIN_FUNC6"].map(parameter), [6.0, 13.0, 106.0]);
+                // right, left, front left, rear right, front right, rear left; counter-clockwise is positive
+                let place = |axis| [0, 1, 2, 3, 4, 5].map(|i| parameter(&format!("CA_ROTOR{i}_{axis}")).signum());
+                assert_eq!(place("PY"), [1.0, -1.0, -1.0, 1.0, 1.0, -1.0]);
+                assert_eq!(place("KM"), [-1.0, 1.0, -1.0, 1.0, 1.0, -1.0]);
+            }
+        }
+    }
 }
 
 #[test]

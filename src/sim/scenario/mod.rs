@@ -15,6 +15,8 @@ mod vary;
 mod weather;
 
 #[cfg(test)]
+mod fault_tests;
+#[cfg(test)]
 mod tests;
 
 pub use bundled::names;

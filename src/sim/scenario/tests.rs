@@ -1,7 +1,9 @@
 use super::*;
 use crate::document::Document;
 use crate::sim::control::Leg;
-use crate::sim::{Run, RunOptions};
+use crate::sim::faults::FaultKind;
+use crate::sim::{FlightPlan, Run, RunOptions};
+use nalgebra::Vector3;
 use std::path::Path;
 
 fn issues(text: &str) -> String {
@@ -80,7 +82,52 @@ fn every_mistake_is_named_at_once() {
     }
     assert!(issues("[wind]\nseries = 'none.csv'").contains("cannot be read"));
     assert!(issues("[[fault]]\nkind = 'gnss_lost'\nfrom_s = 5\nuntil_s = 4").contains("not after `from_s`"));
+    assert!(issues("[vary]\nwind_share = [2, 1]").contains("wrong way round"));
     assert!(issues("mission = [{ leg = 'landd' }]").contains("did you mean \"land\"?"));
+}
+
+#[test]
+fn a_recorded_wind_blows_as_recorded() {
+    let folder = tempfile::tempdir().unwrap();
+    // on the autopilot's clock, as the truth files of flights have it
+    std::fs::write(folder.path().join("w.csv"), "boot_ms,wind_from_deg,speed_mps\n2000,90,0\n6000,90,8\n").unwrap();
+    let text = "name = 'x'\nvehicle = 'px4-sih'\nduration_s = 10\n[wind]\nseries = 'w.csv'";
+    let scenario = parse(&Document::new("x.toml", text), folder.path()).unwrap();
+    let mut run = Run::new(&scenario, &RunOptions::default()).unwrap();
+    while run.now_s() < 5.0 {
+        run.advance(&mut |_| {});
+    }
+    let wind = run.moment(0).unwrap().truth.wind_ned_mps;
+    assert!((wind - Vector3::new(0.0, -6.0, 0.0)).norm() < 0.02, "{wind}");
+}
+
+#[test]
+fn every_seed_draws_another_flight_of_the_same_kind() {
+    let base = resolve("faults-hexa-50").unwrap();
+    let draw = |seed| base.clone().with_seed(seed).plan(0);
+    let plans: Vec<_> = (0..90).map(draw).collect();
+    let mut kinds = std::collections::BTreeMap::<String, u32>::new();
+    let mut rotors = std::collections::BTreeSet::new();
+    for plan in &plans {
+        let [fault] = &plan.faults[..] else { panic!("one fault a flight") };
+        assert!((22.0..25.0).contains(&fault.from_s));
+        let name = fault.kind.to_string();
+        if name.starts_with("rotor") {
+            rotors.insert(name.clone());
+        }
+        *kinds.entry(if name.starts_with("rotor") { "rotor".to_owned() } else { name }).or_default() += 1;
+        if let FaultKind::GyroBias { bias_rads, .. } = fault.kind {
+            assert!((bias_rads.norm() - 0.05).abs() < 1e-12);
+        }
+        assert!(plan.wind.at(10.0).norm() <= 7.0 + 1e-9);
+    }
+    // nine faults in turn: two of them of rotors, two of GNSS
+    assert_eq!(kinds.values().sum::<u32>(), 90);
+    assert_eq!((kinds["rotor"], kinds["gnss_position"], kinds["payload"]), (20, 20, 10));
+    assert!(rotors.len() >= 5, "{rotors:?}");
+    let wind = |plan: &FlightPlan| plan.wind.at(10.0);
+    assert!(plans.windows(2).all(|w| wind(&w[0]) != wind(&w[1]) && w[0].heading_rad != w[1].heading_rad));
+    assert_eq!(wind(&draw(7)), wind(&draw(7)));
 }
 
 #[test]
