@@ -127,7 +127,7 @@ fn lock_step_waits_for_the_station_and_loses_nothing() {
     ground.set_read_timeout(Some(Duration::from_millis(100))).unwrap();
     let url = format!("udpout:127.0.0.1:{}", ground.local_addr().unwrap().port());
     let flight = std::thread::spawn(move || {
-        let arguments = ["hover", "--link", &url, "--duration", "20", "--speed", "max", "--lockstep", "10", "--json"];
+        let arguments = ["hover", "--link", &url, "--duration", "20", "--lockstep", "10", "--json"];
         stdout(&sim(&arguments).success())
     });
     let (mut encoder, mut parser) = (Encoder::new(255, 190), Parser::new());

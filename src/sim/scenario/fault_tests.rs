@@ -132,7 +132,10 @@ fn rotors_and_payload_show_in_speeds_and_commands() {
     assert!((mean / (full * 0.3375_f64.sqrt()) - 1.0).abs() < 0.03 && spread < 60.0, "{mean} ± {spread}");
     let (drop, ..) = change("kind = 'rotor_weak'\nrotor = 2\nshare = 0.7", rpm_2);
     let (unseen, ..) = change("kind = 'rotor_damaged'\nrotor = 2\nshare = 0.7", rpm_2);
-    assert!(drop < -300.0 && unseen > 0.0, "a weak motor is slow, a damaged propeller turns faster to make up: {drop} {unseen}");
+    assert!(
+        drop < -300.0 && unseen > 0.0,
+        "a weak motor is slow, a damaged propeller turns faster to make up: {drop} {unseen}"
+    );
     // 3.5 kg in place of 3.0: .455 of full thrust in place of .39
     let lifted = hover("kind = 'payload'\nmass_kg = 0.5\nposition_frd_m = [0.0, 0.0, 0.1]", pulse);
     let [before, with, without] = [(13.0, 16.0), (17.5, 19.0), (20.5, 22.0)].map(|(a, b)| figures(&lifted, a, b).0);
