@@ -7,11 +7,14 @@ use crate::wire::dialect::ardupilotmega as mav;
 use crate::wire::{Event, FrameRef, Parser, decode};
 use std::path::Path;
 
+/// Finds a number in the frames of one message.
+type Read = fn(FrameRef<'_>) -> Option<f64>;
+
 const FROM_S: f64 = 16.0;
 const UNTIL_S: f64 = 19.0;
 
 /// A hover on sensors without noise, with one fault from 16 to 19 s, as (time, what `read` finds in a frame).
-fn hover(fault: &str, read: fn(FrameRef<'_>) -> Option<f64>) -> Vec<(f64, f64)> {
+fn hover(fault: &str, read: Read) -> Vec<(f64, f64)> {
     let text = format!(
         "name = 'x'\nvehicle = 'arducopter-sitl'\nduration_s = 22\nsensors = 'perfect'\n\
          mission = [{{ leg = 'takeoff', height_m = 6 }}, {{ leg = 'hover', seconds = 60 }}]\n\
@@ -44,7 +47,7 @@ fn figures(series: &[(f64, f64)], from_s: f64, until_s: f64) -> (f64, f64, f64) 
 }
 
 /// What changes soon after the onset, against what was before: difference of the means, both deviations, both counts.
-fn change(fault: &str, read: fn(FrameRef<'_>) -> Option<f64>) -> (f64, [f64; 2], [f64; 2]) {
+fn change(fault: &str, read: Read) -> (f64, [f64; 2], [f64; 2]) {
     let series = hover(fault, read);
     let (before, after) = (figures(&series, 13.0, 16.0), figures(&series, 16.3, 17.0));
     (after.0 - before.0, [before.1, after.1], [before.2 / 3.0, after.2 / 0.7])
@@ -82,7 +85,7 @@ fn pulse(frame: FrameRef<'_>) -> Option<f64> {
 #[test]
 fn biases_and_shifts_have_the_size_that_was_written() {
     // 0.5 m/s² are 51 mG; 60 Pa 0.6 hPa; 10 m north 898 units of 1e-7°
-    let cases: [(&str, fn(FrameRef<'_>) -> Option<f64>, f64, f64); 5] = [
+    let cases: [(&str, Read, f64, f64); 5] = [
         ("kind = 'accel_bias'\nimu = 2\nbias_mps2 = [0.5, 0, 0]", second_accel, 51.0, 2.0),
         ("kind = 'gyro_bias'\nimu = 2\nbias_rads = [0.05, 0, 0]", second_gyro, 50.0, 2.0),
         ("kind = 'mag_bias'\nbias_gauss = [0, 0, 0.15]", mag_down, 150.0, 2.0),
@@ -102,7 +105,7 @@ fn biases_and_shifts_have_the_size_that_was_written() {
 #[test]
 fn noise_and_standstill_show_in_the_spread() {
     for (fault, read, sigma) in [
-        ("kind = 'accel_noise'\nimu = 2\nsigma_mps2 = 0.5", second_accel as fn(FrameRef<'_>) -> _, 51.0),
+        ("kind = 'accel_noise'\nimu = 2\nsigma_mps2 = 0.5", second_accel as Read, 51.0),
         ("kind = 'gyro_noise'\nimu = 2\nsigma_rads = 0.1", second_gyro, 100.0),
         ("kind = 'mag_noise'\nsigma_gauss = 0.05", mag_down, 50.0),
         ("kind = 'baro_noise'\nsigma_pa = 50", pressure_hpa, 0.5),
@@ -113,7 +116,7 @@ fn noise_and_standstill_show_in_the_spread() {
         assert!(during > 4.0 * before && (0.3..1.4).contains(&(during / sigma)), "{fault}: {before} to {during}");
     }
     for (fault, read) in [
-        ("kind = 'accel_frozen'\nimu = 2", second_accel as fn(FrameRef<'_>) -> _),
+        ("kind = 'accel_frozen'\nimu = 2", second_accel as Read),
         ("kind = 'gyro_frozen'\nimu = 2", second_gyro),
         ("kind = 'mag_frozen'", mag_down),
         ("kind = 'baro_frozen'", pressure_hpa),
