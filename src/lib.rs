@@ -11,7 +11,7 @@
 //!
 //! | folder | what lives there | may import |
 //! |---|---|---|
-//! | [`sets`] | intervals and other sets with outward rounding | nothing |
+//! | [`sets`] | intervals, zonotopes, ellipsoids with outward rounding | nothing |
 //! | [`sdp`] | affine matrix expressions, LMIs, log-det, the Clarabel bridge, verification | nothing |
 //! | [`sos`] | polynomials, sums of squares on regions, their certificates | `sdp` |
 //! | [`document`] | TOML read key by key, every issue collected with its place | nothing |

@@ -12,6 +12,9 @@ impl Interval {
     /// The whole line: nothing is known.
     pub const ENTIRE: Self = Self { lo: f64::NEG_INFINITY, hi: f64::INFINITY };
 
+    /// Exactly zero.
+    pub const ZERO: Self = Self { lo: 0.0, hi: 0.0 };
+
     /// The interval between two numbers, in either order. A NaN end gives the whole line: nothing is known.
     pub fn new(a: f64, b: f64) -> Self {
         if a.is_nan() || b.is_nan() {
