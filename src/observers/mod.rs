@@ -12,11 +12,12 @@ mod options;
 pub mod quadratic_bounded;
 mod registry;
 pub mod unknown_input;
+pub mod zonotopic_ekf;
 
 pub use options::{OptionError, OptionValue, Options};
 pub use registry::{BuildError, Builder, REGISTRY, Registration, build, find};
 
-use crate::signal::{Estimate, Measurement, Signal};
+use crate::signal::{Estimate, Measurement, Residual, Signal};
 
 /// Why a step gave no estimate. Missing data and broken assumptions are verdicts inside the estimate, not errors.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
@@ -35,6 +36,11 @@ pub trait Observer: Send {
 
     /// The newest answer.
     fn estimate(&self) -> &Estimate;
+
+    /// How each output of the last step lay to what was expected of it; empty where an observer keeps no account.
+    fn residuals(&self) -> &[Residual] {
+        &[]
+    }
 
     /// Forgets everything but the design.
     fn reset(&mut self);

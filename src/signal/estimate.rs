@@ -61,3 +61,25 @@ impl Estimate {
         }
     }
 }
+
+/// One check of the data against what is admissible: an output against its prediction, or two sources against each
+/// other. It is kept as data; whether it means a fault is decided elsewhere.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Residual {
+    /// What is compared, such as a signal's name.
+    pub name: &'static str,
+    /// Measured less expected.
+    pub value: f64,
+    /// Largest size of `value` at which the two can still agree.
+    pub admissible: f64,
+    /// `Guaranteed`: beyond it no admissible noise explains the data. `Statistical(p)`: with nothing wrong it stays
+    /// within it with probability p.
+    pub guarantee: Guarantee,
+}
+
+impl Residual {
+    /// Size over admissible size: above 1 the sources disagree.
+    pub fn ratio(&self) -> f64 {
+        self.value.abs() / self.admissible
+    }
+}

@@ -12,7 +12,7 @@ mod measurement;
 mod sample;
 mod stamp;
 
-pub use estimate::{Estimate, Guarantee, Signal, Verdict};
+pub use estimate::{Estimate, Guarantee, Residual, Signal, Verdict};
 pub use held::{Barometer, FixType, GnssFix, Held, MagField, MagSource};
 pub use measurement::{Actuation, Aged, Channel, Discontinuity, Gate, Imu, Measurement, RotorCommands};
 pub use sample::{ImuSource, Sample, SampleKind};

@@ -47,6 +47,7 @@ pub(crate) fn quad() -> Vehicle {
             accel_mps2: [0.3; 3],
             accel_bias_mps2: [0.05; 3],
             gyro_rads: [0.02; 3],
+            position_m: [2.0; 3],
             velocity_mps: [0.3; 3],
             tilt_rad: 0.02,
             yaw_rad: 0.05,

@@ -283,6 +283,7 @@ fn noise(t: &mut Table<'_>) -> NoiseBounds {
         accel_mps2: numbers(t, "accel_mps2", [0.5; 3]),
         accel_bias_mps2: numbers(t, "accel_bias_mps2", [0.1; 3]),
         gyro_rads: numbers(t, "gyro_rads", [0.03; 3]),
+        position_m: numbers(t, "position_m", [2.0; 3]),
         velocity_mps: numbers(t, "velocity_mps", [0.3; 3]),
         tilt_rad: number(t, "tilt_deg", Limit::Within(0.0, 90.0), 1.5).to_radians(),
         yaw_rad: number(t, "yaw_deg", Limit::Within(0.0, 180.0), 5.0).to_radians(),

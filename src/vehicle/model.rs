@@ -148,6 +148,8 @@ pub struct NoiseBounds {
     pub accel_bias_mps2: [f64; 3],
     /// Body rate, rad/s: noise of one sample.
     pub gyro_rads: [f64; 3],
+    /// Position, NED, m, from the origin that the vehicle itself uses.
+    pub position_m: [f64; 3],
     /// Velocity, NED, m/s.
     pub velocity_mps: [f64; 3],
     /// Roll and pitch, rad.
