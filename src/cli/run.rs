@@ -1,7 +1,7 @@
 //! `mavobserver run`: the daemon.
 
 use super::{ConfigArgs, Failure, print};
-use crate::config::{Config, LinkUrl};
+use crate::config::{Config, LinkUrl, Recording};
 use crate::daemon::{Daemon, DaemonError, Settings, Status, Summary, steady_ns};
 use crate::observers;
 use crate::pipeline::{Fleet, FleetSettings};
@@ -39,7 +39,7 @@ pub struct RunArgs {
     /// udpin:HOST:PORT, udpout:HOST:PORT or tlog:FILE[?speed=N|max], beside those of the config; repeatable
     #[arg(long = "link", value_name = "URL")]
     pub links: Vec<LinkUrl>,
-    /// Record every received frame, and what was sent beside it, as .tlog files in this directory
+    /// Record every received frame, what was sent, and the estimates, as .tlog and .mcap files in this directory
     #[arg(long, value_name = "DIR")]
     pub record: Option<PathBuf>,
     /// Ask the vehicles for nothing
@@ -63,7 +63,10 @@ pub fn run(args: RunArgs) -> Result<(), Failure> {
                 .to_owned(),
         ));
     }
-    config.record = args.record.or(config.record);
+    if let Some(directory) = args.record {
+        let policy = config.record.map(|r| r.policy).unwrap_or_default();
+        config.record = Some(Recording { directory, policy });
+    }
     config.requests.streams &= !args.no_requests;
 
     let runtime = tokio::runtime::Builder::new_multi_thread()

@@ -5,17 +5,19 @@
 //! Paths in a config are relative to the file that holds them, so that a config works from any directory.
 //!
 //! `config/example.toml` shows every key with its default.
-//! Imports `document`, `vehicle`, `observers`, `pipeline` and `outputs`.
+//! Imports `document`, `vehicle`, `observers`, `pipeline`, `outputs` and `record`.
 
 mod link_url;
 mod output;
 mod read;
+mod record;
 
 pub use link_url::{LinkUrl, LinkUrlError, Pace};
 
 use crate::document::{Document, Issue, Issues};
 use crate::outputs::OutputSettings;
 use crate::pipeline::{FleetSettings, ObserverSetting};
+use crate::record::session::Policy;
 use crate::vehicle::Vehicle;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -31,10 +33,17 @@ pub struct Config {
     /// What leaves on a link that says nothing else.
     pub output: OutputSettings,
     /// Where received frames are recorded; `None` for not at all.
-    pub record: Option<PathBuf>,
+    pub record: Option<Recording>,
     pub requests: Requests,
     /// Filter of log lines, such as `info` or `mavobserver=debug`.
     pub log: String,
+}
+
+/// Where recordings go, and how they are kept.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Recording {
+    pub directory: PathBuf,
+    pub policy: Policy,
 }
 
 /// One link and what leaves on it.

@@ -1,4 +1,5 @@
 use super::output::output;
+use super::record::record;
 use super::{Config, Link, LinkUrl, Requests, Vehicles};
 use crate::document::{Limit, Table, Value};
 use crate::observers::{OptionValue, Options, REGISTRY};
@@ -16,7 +17,7 @@ pub(super) fn config(t: &mut Table<'_>, base: &Path) -> Option<Config> {
     let links = links(t, base, output);
     let vehicles = t.section("vehicle", |t| vehicles(t, base));
     let observers = t.get("observer").is_some().then(|| observers(t));
-    let record = t.section("record", |t| t.get("dir").and_then(|v| v.text()).map(|dir| base.join(dir)));
+    let record = t.section("record", |t| record(t, base));
     let requests = t.section("requests", requests);
     let log = t.section("log", |t| t.get("filter").and_then(|v| log_filter(&v))).unwrap_or(defaults.log);
     let observers = observers.unwrap_or(defaults.observers);

@@ -1,3 +1,4 @@
+use crate::record::RecordError;
 use crate::wire::tlog::TlogError;
 use std::io;
 use std::path::PathBuf;
@@ -17,7 +18,7 @@ pub enum DaemonError {
     #[error("{link}: {source}")]
     Log { link: String, source: TlogError },
     #[error("cannot record into {}: {source}", directory.display())]
-    Record { directory: PathBuf, source: io::Error },
+    Record { directory: PathBuf, source: RecordError },
     #[error("cannot start the {name} thread: {source}")]
     Thread { name: &'static str, source: io::Error },
 }

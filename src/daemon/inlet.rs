@@ -1,7 +1,8 @@
 use super::estimator::Work;
-use super::recorder::{RecorderHandle, Track};
+use super::recorder::RecorderHandle;
 use super::router::{LinkId, Origin, Router};
 use super::status::Board;
+use crate::record::session::Track;
 use crate::wire::{Event, FrameRef};
 use std::sync::Arc;
 use tokio::sync::mpsc;
@@ -45,7 +46,7 @@ impl Inlet {
         let Event::Frame(frame) = event else { return None };
         self.router.forward(frame, origin);
         if let Some(recorder) = &self.recorder {
-            recorder.record(Track::Received, now_us, frame);
+            recorder.record(Track::Received, self.link.0, now_us, frame);
         }
         Some(frame)
     }

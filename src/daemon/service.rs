@@ -1,9 +1,8 @@
 //! Starting and stopping everything.
 
-use super::clock::unix_us;
 use super::estimator::{Estimator, Voice, Work, Worker};
 use super::inlet::Inlet;
-use super::recorder::{Files, Recorder, RecorderHandle};
+use super::recorder::{Recorder, RecorderHandle};
 use super::router::{LinkId, Outlet, Router};
 use super::settings::Settings;
 use super::status::{Board, Status, StatusLines};
@@ -11,6 +10,7 @@ use super::tlog::LogLink;
 use super::udp::UdpLink;
 use super::{DaemonError, ESTIMATOR_QUEUE};
 use crate::config::LinkUrl;
+use crate::record::session::Folder;
 use std::collections::HashMap;
 use std::net::SocketAddr;
 use std::sync::Arc;
@@ -26,7 +26,7 @@ use tracing::{error, info, warn};
 pub struct Daemon {
     settings: Settings,
     links: Vec<Bound>,
-    recorder: Option<(RecorderHandle, Recorder<Files>)>,
+    recorder: Option<(RecorderHandle, Recorder<Folder>)>,
 }
 
 #[derive(Debug)]
@@ -59,8 +59,9 @@ impl Daemon {
                 LinkUrl::Tlog { path, pace } => Bound::Log(LogLink::open(name, path, *pace)?),
             });
         }
+        let names = || settings.links.iter().map(|l| l.name.clone()).collect();
         let recorder =
-            settings.record.as_deref().map(|directory| Recorder::create(directory, unix_us())).transpose()?;
+            settings.record.as_ref().map(|r| Recorder::create(&r.directory, r.policy, names())).transpose()?;
         Ok(Self { settings, links, recorder })
     }
 

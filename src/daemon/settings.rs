@@ -1,6 +1,5 @@
-use crate::config::Link;
+use crate::config::{Link, Recording};
 use crate::telemetry::requests::Need;
-use std::path::PathBuf;
 use std::time::Duration;
 
 /// What a [`Daemon`](super::Daemon) is to do.
@@ -10,7 +9,7 @@ pub struct Settings {
     /// What live vehicles are asked for; `None` asks for nothing, not even the time.
     pub requests: Option<Vec<Need>>,
     /// Where recordings go; `None` records nothing.
-    pub record: Option<PathBuf>,
+    pub record: Option<Recording>,
     /// How long the parts may take to stop.
     pub stop_within: Duration,
     /// Time between two rounds of status lines.
