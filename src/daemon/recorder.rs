@@ -19,6 +19,8 @@ use tracing::{error, info, warn};
 /// The recorder looks at the time at least this often.
 const TICK: Duration = Duration::from_millis(100);
 
+// nearly every entry is a frame, and boxing it would allocate for each
+#[allow(clippy::large_enum_variant)]
 #[derive(Debug)]
 enum Entry {
     Frame {
