@@ -21,13 +21,14 @@
 //! | [`observers`] | the `Observer` trait, its registry, one room per paper | `sets`, `sdp`, `sos`, `vehicle`, `signal` |
 //! | [`wind`] | wrench → wind velocity with its bound | `sets`, `vehicle`, `signal` |
 //! | [`wire`] | MAVLink framing, dialects, link statistics | nothing |
+//! | [`routing`] | which links a frame goes to: rules, filters, limits, duplicates; no I/O | `wire` |
 //! | [`telemetry`] | MAVLink → `Sample` → `Measurement`; clocks | `wire`, `signal`, `vehicle` |
 //! | [`pipeline`] | one vehicle's chain from frames to a snapshot; no I/O | all of the above |
 //! | [`outputs`] | snapshot → MAVLink messages | `wire`, `signal`, `pipeline` |
 //! | [`record`] | MCAP recordings: schemas, writing, reading, conversion, recovery | `wire`, `signal`, `telemetry`, `pipeline` |
 //! | [`sim`] | a multirotor in software: physics, air, sensors, autopilot, MAVLink feed | `document`, `signal`, `vehicle`, `wire` |
 //! | [`evaluate`] | simulated flights with known truth, and scores of the estimates | `observers`, `pipeline`, `sim`, `signal`, `vehicle`, `wire` |
-//! | [`config`] | TOML → checked config, every issue at once | `document`, `vehicle`, `observers`, `pipeline`, `outputs`, `wire`, `record` |
+//! | [`config`] | TOML → checked config, every issue at once | `document`, `vehicle`, `observers`, `pipeline`, `outputs`, `routing`, `wire` |
 //! | [`daemon`] | links, forwarding, recording: the only place with tokio | everything |
 //! | [`cli`] | one file per subcommand | everything |
 //!
@@ -45,6 +46,7 @@ pub mod outputs;
 pub mod pipeline;
 pub mod record;
 pub mod report;
+pub mod routing;
 pub mod sdp;
 pub mod sets;
 pub mod signal;

@@ -142,3 +142,85 @@ async fn pymavlink_decodes_all_that_leaves() {
     let bridged = messages.iter().filter(|m| m["component"] == 1 && m["name"] == "ATTITUDE").count();
     assert_eq!(bridged, 150);
 }
+
+fn has(module: &str) -> bool {
+    let found = Command::new("python3").args(["-c", &format!("import {module}")]).stderr(Stdio::null()).status();
+    let found = found.is_ok_and(|status| status.success());
+    if !found {
+        eprintln!("SKIPPED: python3 with {module} is not here");
+    }
+    found
+}
+
+/// A script beside this test, with what it prints.
+fn python(script: &str, arguments: &[&str]) -> Child {
+    let script = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests").join(script);
+    Command::new("python3").arg(script).args(arguments).stdout(Stdio::piped()).spawn().expect("python starts")
+}
+
+fn json_of(child: Child) -> Value {
+    let output = child.wait_with_output().expect("ended");
+    let text = String::from_utf8(output.stdout).expect("text");
+    serde_json::from_str(&text).unwrap_or_else(|e| panic!("{e}: {text}"))
+}
+
+const PATIENCE_S: &str = "60";
+
+/// Everything that a station and a vehicle do at the start, both ends by pymavlink, through UDP and TCP.
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn pymavlink_talks_through_the_bridge_both_ways() {
+    if !has("pymavlink") {
+        return;
+    }
+    let server = LinkUrl::TcpIn { host: "127.0.0.1".to_owned(), port: 0 };
+    let daemon = Running::start(Settings::new(vec![silent(any_port()), silent(server)]), Idle).await;
+    let vehicle = python("bridge_vehicle.py", &[&format!("udpout:{}", daemon.address(0)), PATIENCE_S]);
+    let station = python("bridge_station.py", &[&format!("tcp:{}", daemon.address(1)), PATIENCE_S]);
+    let (station, vehicle) = tokio::task::spawn_blocking(|| (json_of(station), json_of(vehicle))).await.expect("ended");
+    assert_eq!(station["parameters"].as_object().map(|p| p.len()), Some(60), "{station}");
+    assert_eq!((&station["set"], &station["acknowledged"]), (&77.0.into(), &0.into()), "{station}");
+    assert_eq!((&station["uploaded"], &station["fetched"]), (&0.into(), &true.into()), "{station}");
+    assert_eq!(vehicle["mission"].as_array().map(Vec::len), Some(25), "{vehicle}");
+    let summary = daemon.stop().await;
+    assert!(summary.status.links.iter().all(|l| l.bad_in == 0 && l.lost_in == 0 && l.dropped_out == 0));
+}
+
+/// The same vehicle with MAVProxy as its station.
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn mavproxy_talks_through_the_bridge() {
+    if !has("pymavlink") || !has("MAVProxy") {
+        return;
+    }
+    let directory = tempfile::tempdir().expect("a directory");
+    let waypoints = directory.path().join("mission.txt");
+    let mut text = "QGC WPL 110\n".to_owned();
+    for i in 0..5 {
+        text += &format!("{i}\t0\t3\t16\t0\t0\t0\t0\t47.39{i}\t8.54{i}\t20\t1\n");
+    }
+    std::fs::write(&waypoints, text).expect("written");
+    let daemon = Running::start(Settings::new(vec![silent(any_port()), silent(any_port())]), Idle).await;
+    let commands = format!("set requireexit True; wp load {}; long 511 30 100000", waypoints.display());
+    let proxy = Command::new("mavproxy.py")
+        .arg(format!("--master=udpout:{}", daemon.address(1)))
+        .args(["--daemon", "--non-interactive", "--default-modules=param,wp,cmdlong", "--cmd", &commands])
+        .current_dir(directory.path())
+        .env("HOME", directory.path())
+        .stdin(Stdio::null())
+        .stdout(Stdio::null())
+        .stderr(Stdio::null())
+        .spawn();
+    let Ok(mut proxy) = proxy else {
+        eprintln!("SKIPPED: mavproxy.py is not here");
+        return;
+    };
+    let vehicle = python("bridge_vehicle.py", &[&format!("udpout:{}", daemon.address(0)), PATIENCE_S]);
+    let heard = tokio::task::spawn_blocking(|| json_of(vehicle)).await.expect("ended");
+    // it may have ended by itself
+    let _ = proxy.kill();
+    proxy.wait().expect("ended");
+    assert!(heard["station_heartbeats"].as_u64() > Some(0), "{heard}");
+    assert!(heard["parameters_asked"].as_u64() > Some(0), "{heard}");
+    assert!(heard["commands"].as_array().is_some_and(|c| !c.is_empty()), "{heard}");
+    assert_eq!(heard["mission"].as_array().map(Vec::len), Some(5), "{heard}");
+    daemon.stop().await;
+}

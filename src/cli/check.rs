@@ -1,6 +1,8 @@
+mod links;
+
 use super::config_args::LoadErrors;
 use super::{ConfigArgs, Failure, print};
-use crate::config::{Config, ConfigError};
+use crate::config::{Config, ConfigError, Link, LinkUrl};
 use crate::document::Issue;
 use crate::observers::{BuildError, build};
 use crate::vehicle::{Facts, Vehicle, VehicleError};
@@ -20,10 +22,13 @@ Examples:
   mavobserver check -c flight.toml --vehicle 2=my-quad.toml --json
 
 Exit codes: 0 valid, 2 problems found.")]
-#[group(required = true, multiple = true, args = ["config", "vehicles"])]
+#[group(required = true, multiple = true, args = ["config", "vehicles", "links"])]
 pub struct CheckArgs {
     #[command(flatten)]
     pub config: ConfigArgs,
+    /// Link beside those of the config; repeatable
+    #[arg(long = "link", value_name = "URL")]
+    pub links: Vec<LinkUrl>,
     /// Print one JSON object
     #[arg(long)]
     pub json: bool,
@@ -31,9 +36,11 @@ pub struct CheckArgs {
 
 /// Validates, designs and summarises.
 pub fn run(args: CheckArgs) -> Result<(), Failure> {
-    let checked = args.config.load().map_err(|e| (issues(&e), Failure::from(e))).and_then(|(config, warnings)| {
+    let runs = args.config.config.is_some() || !args.links.is_empty();
+    let checked = args.config.load().map_err(|e| (issues(&e), Failure::from(e))).and_then(|(mut config, warnings)| {
+        args.links.iter().for_each(|url| config.add_link(url.clone()));
         // a model alone is looked at; a config is what will run, so its designs must be possible
-        let designs = if args.config.config.is_some() { design(&config) } else { Ok(Vec::new()) };
+        let designs = if runs { design(&config) } else { Ok(Vec::new()) };
         let designs = designs.map_err(|problems| {
             let issues = problems.iter().map(|p| json!({ "problem": p })).collect();
             (issues, Failure::Usage(problems.join("\n\n")))
@@ -42,7 +49,7 @@ pub fn run(args: CheckArgs) -> Result<(), Failure> {
     });
     match checked {
         Ok((config, warnings, designs)) if args.json => print(&pretty(&report(&config, &warnings, &designs))),
-        Ok((config, warnings, designs)) => print(&summary(&args.config, &config, &warnings, &designs)),
+        Ok((config, warnings, designs)) => print(&summary(&args, &config, &warnings, &designs)),
         Err((issues, failure)) => {
             if args.json {
                 print(&pretty(&json!({ "ok": false, "issues": issues })))?;
@@ -85,15 +92,16 @@ fn report(config: &Config, warnings: &[Issue], designs: &[Value]) -> Value {
             json!({ "for": systems, "name": v.name, "cautions": cautions(&facts), "facts": facts })
         })
         .collect();
-    let links: Vec<_> =
-        config.links.iter().map(|link| json!({ "name": link.name, "url": link.url.to_string() })).collect();
+    let link =
+        |link: &Link| json!({ "name": link.name, "url": link.url.to_string(), "now": links::caution(&link.url) });
+    let links: Vec<_> = config.links.iter().map(link).collect();
     json!({
         "ok": true,
         "warnings": warnings,
         "links": links,
         "vehicles": vehicles,
         "designs": designs,
-        "record": config.record.as_ref().map(|r| &r.directory),
+        "record": config.record,
     })
 }
 
@@ -137,7 +145,7 @@ fn cautions(facts: &Facts) -> Vec<String> {
     cautions
 }
 
-fn summary(args: &ConfigArgs, config: &Config, warnings: &[Issue], designs: &[Value]) -> String {
+fn summary(args: &CheckArgs, config: &Config, warnings: &[Issue], designs: &[Value]) -> String {
     let mut out = String::new();
     // writing to a String cannot fail
     let _ = write_summary(&mut out, args, config, warnings, designs);
@@ -146,12 +154,12 @@ fn summary(args: &ConfigArgs, config: &Config, warnings: &[Issue], designs: &[Va
 
 fn write_summary(
     out: &mut String,
-    args: &ConfigArgs,
+    args: &CheckArgs,
     config: &Config,
     warnings: &[Issue],
     designs: &[Value],
 ) -> std::fmt::Result {
-    if let Some(path) = &args.config {
+    if let Some(path) = &args.config.config {
         writeln!(out, "{}: valid\n", path.display())?;
     }
     for warning in warnings {
@@ -163,7 +171,7 @@ fn write_summary(
     if config.vehicles == Default::default() {
         writeln!(out, "no vehicle model: give one with --vehicle or [vehicle]\n")?;
     }
-    if args.config.is_none() {
+    if args.config.config.is_none() && args.links.is_empty() {
         return Ok(());
     }
     writeln!(out, "observers")?;
@@ -181,12 +189,15 @@ fn write_summary(
         let url = link.url.to_string();
         let name = if link.name == url { String::new() } else { format!(" ({})", link.name) };
         writeln!(out, "  {url}{name}")?;
+        if let Some(caution) = links::caution(&link.url) {
+            writeln!(out, "    caution: {caution}")?;
+        }
     }
     if config.links.is_empty() {
         writeln!(out, "  none: give one with --link or [[link]]")?;
     }
     match &config.record {
-        Some(r) => writeln!(out, "\nrecords to {}", r.directory.display()),
+        Some(dir) => writeln!(out, "\nrecords to {}", dir.display()),
         None => writeln!(out, "\nrecords nothing"),
     }
 }

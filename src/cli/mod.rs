@@ -14,6 +14,7 @@ mod output;
 pub mod replay;
 pub mod run;
 pub mod sim;
+pub mod tap;
 
 pub use config_args::{ConfigArgs, VehicleArg};
 pub use output::print;
@@ -42,6 +43,7 @@ enum Command {
     Replay(replay::ReplayArgs),
     Convert(convert::ConvertArgs),
     Check(check::CheckArgs),
+    Tap(tap::TapArgs),
     Sim(sim::SimArgs),
     Evaluate(evaluate::EvaluateArgs),
     Demo(demo::DemoArgs),
@@ -105,6 +107,7 @@ pub fn run(cli: Cli) -> Result<(), Failure> {
         Command::Replay(args) => replay::run(&args),
         Command::Convert(args) => convert::run(&args),
         Command::Check(args) => check::run(args),
+        Command::Tap(args) => tap::run(&args),
         Command::Sim(args) => sim::run(&args),
         Command::Evaluate(args) => evaluate::run(&args),
         Command::Demo(args) => demo::run(&args),

@@ -5,23 +5,25 @@
 //! Paths in a config are relative to the file that holds them, so that a config works from any directory.
 //!
 //! `config/example.toml` shows every key with its default.
-//! Imports `document`, `vehicle`, `observers`, `pipeline`, `outputs` and `record`.
+//! Imports `document`, `vehicle`, `observers`, `pipeline`, `outputs`, `routing` and `wire`.
 
 mod link_url;
 mod output;
 mod read;
-mod record;
+mod rules;
 
-pub use link_url::{LinkUrl, LinkUrlError, Pace};
+pub use link_url::{Flow, LinkUrl, LinkUrlError, Pace};
 
 use crate::document::{Document, Issue, Issues};
 use crate::outputs::OutputSettings;
 use crate::pipeline::{FleetSettings, ObserverSetting};
-use crate::record::session::Policy;
+use crate::routing::Rules;
 use crate::vehicle::Vehicle;
 use std::collections::BTreeMap;
+use std::net::SocketAddr;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
+use std::time::Duration;
 
 /// Everything that a run is told.
 #[derive(Debug, Clone, PartialEq)]
@@ -33,17 +35,14 @@ pub struct Config {
     /// What leaves on a link that says nothing else.
     pub output: OutputSettings,
     /// Where received frames are recorded; `None` for not at all.
-    pub record: Option<Recording>,
+    pub record: Option<PathBuf>,
     pub requests: Requests,
+    /// How long a frame is known, to remove it when it comes again by another link; zero for not at all.
+    pub duplicates: Duration,
+    /// Where Prometheus may ask for numbers; `None` for nowhere.
+    pub metrics: Option<SocketAddr>,
     /// Filter of log lines, such as `info` or `mavobserver=debug`.
     pub log: String,
-}
-
-/// Where recordings go, and how they are kept.
-#[derive(Debug, Clone, PartialEq, Eq)]
-pub struct Recording {
-    pub directory: PathBuf,
-    pub policy: Policy,
 }
 
 /// One link and what leaves on it.
@@ -53,6 +52,14 @@ pub struct Link {
     pub name: String,
     pub url: LinkUrl,
     pub output: OutputSettings,
+    pub rules: Rules,
+}
+
+impl Link {
+    /// A link named by its URL, that takes and is sent everything.
+    pub fn new(url: LinkUrl, output: OutputSettings) -> Self {
+        Self { name: url.to_string(), url, output, rules: Rules::default() }
+    }
 }
 
 /// Which model belongs to which MAVLink system.
@@ -95,6 +102,8 @@ impl Default for Config {
             output: OutputSettings::default(),
             record: None,
             requests: Requests::default(),
+            duplicates: Duration::from_millis(500),
+            metrics: None,
             log: "info".to_owned(),
         }
     }
@@ -134,7 +143,7 @@ impl Config {
 
     /// Adds a link that leaves what `[output]` says, named by its URL.
     pub fn add_link(&mut self, url: LinkUrl) {
-        self.links.push(Link { name: url.to_string(), url, output: self.output });
+        self.links.push(Link::new(url, self.output));
     }
 }
 

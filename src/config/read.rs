@@ -1,5 +1,5 @@
 use super::output::output;
-use super::record::record;
+use super::rules::rules;
 use super::{Config, Link, LinkUrl, Requests, Vehicles};
 use crate::document::{Limit, Table, Value};
 use crate::observers::{OptionValue, Options, REGISTRY};
@@ -7,8 +7,10 @@ use crate::outputs::OutputSettings;
 use crate::pipeline::ObserverSetting;
 use crate::vehicle::{Vehicle, VehicleError, from_file, presets, resolve};
 use std::collections::BTreeMap;
+use std::net::SocketAddr;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
+use std::time::Duration;
 use tracing_subscriber::EnvFilter;
 
 pub(super) fn config(t: &mut Table<'_>, base: &Path) -> Option<Config> {
@@ -17,11 +19,15 @@ pub(super) fn config(t: &mut Table<'_>, base: &Path) -> Option<Config> {
     let links = links(t, base, output);
     let vehicles = t.section("vehicle", |t| vehicles(t, base));
     let observers = t.get("observer").is_some().then(|| observers(t));
-    let record = t.section("record", |t| record(t, base));
+    let record = t.section("record", |t| t.get("dir").and_then(|v| v.text()).map(|dir| base.join(dir)));
     let requests = t.section("requests", requests);
+    let duplicates = t.section("bridge", |t| t.get("duplicates_ms").and_then(|v| v.integer(0..=10_000)));
+    let duplicates =
+        duplicates.and_then(|ms| u64::try_from(ms).ok()).map_or(defaults.duplicates, Duration::from_millis);
+    let metrics = t.section("metrics", |t| t.get("listen").and_then(|v| address(&v)));
     let log = t.section("log", |t| t.get("filter").and_then(|v| log_filter(&v))).unwrap_or(defaults.log);
     let observers = observers.unwrap_or(defaults.observers);
-    Some(Config { links: links?, vehicles, observers, output, record, requests, log })
+    Some(Config { links: links?, vehicles, observers, output, record, requests, duplicates, metrics, log })
 }
 
 fn links(t: &mut Table<'_>, base: &Path, defaults: OutputSettings) -> Option<Vec<Link>> {
@@ -29,11 +35,11 @@ fn links(t: &mut Table<'_>, base: &Path, defaults: OutputSettings) -> Option<Vec
     let links = t.sections("link", |t| {
         let url_key = t.require("url");
         let url = url_key.as_ref().and_then(|v| link_url(v, base));
-        if let (Some(v), Some(LinkUrl::UdpIn { port, .. })) = (&url_key, &url) {
-            if bound.contains(port) {
-                v.problem(format!("is the second link on UDP port {port}"), "one link serves any number of peers");
+        if let (Some(v), Some(claim)) = (&url_key, url.as_ref().and_then(LinkUrl::claims)) {
+            if bound.contains(&claim) {
+                v.problem(format!("is the second link on {claim}"), "one link serves any number of peers");
             }
-            bound.push(*port);
+            bound.push(claim);
         }
         let name_key = t.get("name");
         let name = match (&name_key, &url) {
@@ -47,7 +53,8 @@ fn links(t: &mut Table<'_>, base: &Path, defaults: OutputSettings) -> Option<Vec
             names.push(name.clone());
         }
         let output = t.section("output", |t| output(t, defaults));
-        Some(Link { name: name?, url: url?, output })
+        let rules = rules(t);
+        Some(Link { name: name?, url: url?, output, rules })
     });
     links.into_iter().collect()
 }
@@ -144,6 +151,14 @@ fn option(v: &Value<'_>) -> Option<OptionValue> {
     } else {
         v.number(Limit::Any).map(OptionValue::Number)
     }
+}
+
+fn address(v: &Value<'_>) -> Option<SocketAddr> {
+    let address = v.text()?.parse();
+    if address.is_err() {
+        v.problem("is no address with a port", "such as \"127.0.0.1:9150\"");
+    }
+    address.ok()
 }
 
 fn log_filter(v: &Value<'_>) -> Option<String> {

@@ -1,9 +1,9 @@
-use crate::record::RecordError;
 use crate::wire::tlog::TlogError;
 use std::io;
+use std::net::SocketAddr;
 use std::path::PathBuf;
 
-/// Why the daemon cannot start. Nothing of this happens once it runs.
+/// Why the daemon cannot start: what waiting would not mend. Nothing of this happens once it runs.
 #[derive(Debug, thiserror::Error)]
 pub enum DaemonError {
     #[error(
@@ -11,14 +11,12 @@ pub enum DaemonError {
          stop that one, or choose another port here and there"
     )]
     PortInUse { link: String },
-    #[error("{link}: cannot open the socket: {source}")]
-    Socket { link: String, source: io::Error },
-    #[error("{link}: the host name cannot be resolved: {source}")]
-    Resolve { link: String, source: io::Error },
     #[error("{link}: {source}")]
     Log { link: String, source: TlogError },
     #[error("cannot record into {}: {source}", directory.display())]
-    Record { directory: PathBuf, source: RecordError },
+    Record { directory: PathBuf, source: io::Error },
+    #[error("cannot serve metrics at {address}: {source}; choose another `listen` in [metrics]")]
+    Metrics { address: SocketAddr, source: io::Error },
     #[error("cannot start the {name} thread: {source}")]
     Thread { name: &'static str, source: io::Error },
 }

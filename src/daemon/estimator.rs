@@ -1,23 +1,25 @@
 //! The thread on which observers run, and what becomes of their answers.
 
+use super::batches::{Receiver, Took};
 use super::clock::{Steady, unix_us};
 use super::dialogue::{Dialogue, Now, Question};
-use super::recorder::{Estimates, RecorderHandle};
+use super::recorder::{RecorderHandle, Track};
 use super::router::{LinkId, Origin, Router};
 use super::status::Board;
 use crate::outputs::{LinkOutputs, OutputSettings};
 use crate::pipeline::{Event, Fleet, Severity, Snapshot, VehicleId};
-use crate::record::session::Track;
 use crate::telemetry::requests::{Need, Notice};
 use crate::wire::{FrameBuf, FrameRef};
 use std::collections::BTreeMap;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::Arc;
-use tokio::sync::mpsc;
+use std::time::Duration;
 use tracing::{error, info, warn};
 
 /// After this many panics a vehicle is no longer estimated.
 const MOST_PANICS: u8 = 3;
+/// How long the thread sleeps when nothing comes.
+const IDLE: Duration = Duration::from_secs(1);
 
 /// Turns frames into estimates, for all vehicles. Knows no I/O and no clock.
 pub trait Estimator: Send + 'static {
@@ -81,9 +83,14 @@ impl<E: Estimator> Worker<E> {
     }
 
     /// Works until every link is closed and the queue is empty.
-    pub(super) fn run(mut self, mut queue: mpsc::Receiver<Work>) {
-        while let Some(work) = queue.blocking_recv() {
-            self.take(&work);
+    pub(super) fn run(mut self, mut queue: Receiver<Work>) {
+        let mut batch = Vec::new();
+        loop {
+            let took = queue.take(&mut batch, IDLE);
+            batch.drain(..).for_each(|work| self.take(&work));
+            if took == Took::Closed {
+                break;
+            }
         }
     }
 
@@ -172,7 +179,6 @@ pub(super) struct Voice {
     router: Arc<Router>,
     links: Vec<(LinkId, LinkOutputs)>,
     recorder: Option<(RecorderHandle, LinkOutputs)>,
-    estimates: Option<Estimates>,
     component: u8,
 }
 
@@ -188,7 +194,6 @@ impl Voice {
             router,
             component: settings.component,
             links: links.into_iter().map(|(id, settings)| (id, LinkOutputs::new(settings))).collect(),
-            estimates: recorder.as_ref().map(RecorderHandle::estimates),
             recorder: recorder.map(|handle| (handle, LinkOutputs::new(settings))),
         }
     }
@@ -199,9 +204,6 @@ impl Voice {
 
     fn snapshot(&mut self, snapshot: &Snapshot<'_>) {
         self.each(snapshot.received_unix_us, |outputs, send| outputs.snapshot(snapshot, send));
-        if let Some(estimates) = &mut self.estimates {
-            estimates.snapshot(snapshot);
-        }
     }
 
     fn heard(&mut self, vehicle: VehicleId, now_us: u64) {
@@ -217,7 +219,7 @@ impl Voice {
             speak(outputs, &mut |frame| self.router.send(frame, *id));
         }
         if let Some((recorder, outputs)) = &mut self.recorder {
-            speak(outputs, &mut |frame| recorder.record(Track::Sent, 0, now_us, frame));
+            speak(outputs, &mut |frame| recorder.record(Track::Sent, now_us, frame));
         }
     }
 
@@ -233,7 +235,7 @@ impl Voice {
             say(outputs, &mut |frame| self.router.answer(frame, to));
         }
         if let Some((recorder, outputs)) = &mut self.recorder {
-            say(outputs, &mut |frame| recorder.record(Track::Sent, 0, unix_us(), frame));
+            say(outputs, &mut |frame| recorder.record(Track::Sent, unix_us(), frame));
         }
     }
 }

@@ -5,7 +5,7 @@
 //! every link; recordings; a status line for each link and vehicle. May import everything.
 //!
 //! ```text
-//!  link task ──frame──► Router ──────────────► every other link (and the other peers of the same UDP port)
+//!  link task ──frame──► Router ──────────────► the links that crate::routing names (and other peers of the same port)
 //!     │ └─────────────► Recorder (thread) ───► DIR/TIME.tlog
 //!     └───────────────► Estimator (thread) ──► LinkOutputs, one a link ─► Router
 //! ```
@@ -14,38 +14,43 @@
 //!
 //! | queue | length | when full |
 //! |---|---|---|
-//! | UDP socket, out | the kernel's buffer | the newest frame is dropped for that peer and counted |
+//! | UDP socket, out | the kernel's buffer, 4 MiB where it allows that | the newest frame is dropped for that peer and counted |
+//! | TCP connection, out | 256 KiB beside the kernel's buffer | frames wait; beyond that the newest is dropped and counted |
+//! | serial port, out | what the line carries in 0.25 s | frames wait; beyond that the newest is dropped and counted |
 //! | link → estimator, live link | [`ESTIMATOR_QUEUE`] frames | the newest frame is dropped for the estimator and counted; it is still forwarded |
 //! | link → estimator, played log | the same | the log waits |
 //! | → recorder | [`RECORDER_QUEUE`] frames | a gap: the newest frame is not recorded and counted |
 //! | log reader → log link | [`READ_AHEAD`] frames | the reader waits |
+//! | status, metrics | none | the latest state is shown |
+//!
+//! Nothing that is full makes another link, or the receiving side of its own, wait.
 //!
 //! # Stopping
 //!
 //! In this order, under one deadline: links close, the estimator works off its queue and ends, the recorder writes what
 //! it has. Whatever is not done by then is named and left behind.
 
+mod batches;
 mod clock;
 mod dialogue;
 mod error;
 mod estimator;
 mod inlet;
-mod peers;
+mod links;
+mod metrics;
 mod recorder;
 mod router;
 mod service;
 mod settings;
 mod status;
-mod tlog;
-mod udp;
 
 pub use clock::steady_ns;
 pub use error::DaemonError;
 pub use estimator::Estimator;
 pub use router::LinkId;
-pub use service::{Daemon, Summary};
+pub use service::{Control, Daemon, Summary};
 pub use settings::Settings;
-pub use status::{LinkStatus, RecordingStatus, SourceStatus, Status, VehicleStatus};
+pub use status::{LinkStatus, ObserverStatus, RecordingStatus, SourceStatus, Status, VehicleStatus};
 
 /// Frames that may wait for the estimator: a second of twenty vehicles.
 pub const ESTIMATOR_QUEUE: usize = 4096;

@@ -1,56 +1,54 @@
-//! The recorder's thread, and the queue that leads to it: a slow disk delays nobody. What is written, and into which
-//! files, is [`crate::record::session`]'s.
+//! Recording into tlog files, on a thread of its own so that a slow disk delays nobody.
+//!
+//! `DIR/TIME.tlog` holds every frame received on any link, as received, and nothing else: replaying it gives what the
+//! daemon computed, and its losses are those of the links. Our own messages go beside it into `DIR/TIME.sent.tlog`.
+//! TIME is the start in UTC.
 
-use super::clock::unix_us;
+use super::batches::{self, Receiver, Refused, Sender, Took, Wake};
+use super::clock::file_stamp;
 use super::{DaemonError, RECORDER_QUEUE};
-use crate::pipeline::Snapshot;
-use crate::record::session::{Disk, Folder, Policy, Session, Track};
-use crate::record::{ChannelSink, Encoding, NewChannel, OwnedChannel, Publisher, RecordError};
+use crate::wire::tlog::TlogWriter;
 use crate::wire::{FrameBuf, FrameRef};
-use mcap::records::MessageHeader;
-use std::fmt;
-use std::path::Path;
+use std::fs::{self, File};
+use std::io::{self, BufWriter, Write};
+use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
-use std::sync::mpsc::{Receiver, RecvTimeoutError, SyncSender, TrySendError, sync_channel};
-use std::time::Duration;
+use std::time::{Duration, Instant};
 use tracing::{error, info, warn};
 
-/// The recorder looks at the time at least this often.
-const TICK: Duration = Duration::from_millis(100);
+/// A killed process loses no more than this.
+const FLUSH_EVERY: Duration = Duration::from_millis(500);
+/// Time between two looks into the queue, unless it fills faster. Looking now and then instead of being woken for every
+/// frame keeps the cost of recording off the links.
+const LOOK_EVERY: Duration = Duration::from_millis(50);
+const BUFFER: usize = 64 * 1024;
 
-// nearly every entry is a frame, and boxing it would allocate for each
-#[allow(clippy::large_enum_variant)]
-#[derive(Debug)]
-enum Entry {
-    Frame {
-        track: Track,
-        link: u16,
-        unix_us: u64,
-        frame: FrameBuf,
-    },
-    /// Estimates come as messages of channels that were announced before.
-    Channel(Box<OwnedChannel>),
-    Message {
-        header: MessageHeader,
-        data: Box<[u8]>,
-    },
+/// Which of the two files.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Track {
+    Received,
+    Sent,
 }
 
-/// Gives frames and estimates to the recorder; clones share it. The recorder ends when the last is dropped.
+#[derive(Debug)]
+struct Entry {
+    track: Track,
+    unix_us: u64,
+    frame: FrameBuf,
+}
+
+/// Gives frames to the recorder; clones share it. The recorder ends when the last is dropped.
 #[derive(Debug, Clone)]
 pub(super) struct RecorderHandle {
-    queue: SyncSender<Entry>,
+    queue: Sender<Entry>,
     state: Arc<RecorderState>,
 }
 
 #[derive(Debug, Default)]
 pub(super) struct RecorderState {
     written: AtomicU64,
-    /// Frames.
     missed: AtomicU64,
-    /// Messages of observers.
-    estimates_missed: AtomicU64,
     in_gap: AtomicBool,
     stopped: AtomicBool,
 }
@@ -70,125 +68,67 @@ impl RecorderState {
 }
 
 impl RecorderHandle {
-    /// Records a frame of a link, or counts it as missed if the disk is behind or the recorder has stopped.
-    pub(super) fn record(&self, track: Track, link: usize, unix_us: u64, frame: FrameRef<'_>) {
-        // there are never as many links as a channel's metadata could tell apart
-        let link = u16::try_from(link).unwrap_or(u16::MAX);
-        self.give(Entry::Frame { track, link, unix_us, frame: frame.into() });
-    }
-
-    pub(super) fn state(&self) -> Arc<RecorderState> {
-        Arc::clone(&self.state)
-    }
-
-    /// Turns snapshots into estimates for this recorder.
-    pub(super) fn estimates(&self) -> Estimates {
-        Estimates(Publisher::new(Queue { handle: self.clone(), channels: 0 }, Encoding::Protobuf))
-    }
-
-    fn give(&self, entry: Entry) {
-        let missed = match &entry {
-            Entry::Frame { .. } => &self.state.missed,
-            Entry::Channel(_) | Entry::Message { .. } => &self.state.estimates_missed,
-        };
-        match self.queue.try_send(entry) {
+    /// Records a frame, or counts it as missed if the disk is behind or the recorder has stopped.
+    pub(super) fn record(&self, track: Track, unix_us: u64, frame: FrameRef<'_>) {
+        match self.queue.push(Entry { track, unix_us, frame: frame.into() }) {
             Ok(()) => {
                 if self.state.in_gap.load(Ordering::Relaxed) && self.state.in_gap.swap(false, Ordering::Relaxed) {
                     warn!(missed = self.state.missed(), "recording goes on after a gap");
                 }
             }
-            Err(TrySendError::Full(_)) => {
-                missed.fetch_add(1, Ordering::Relaxed);
+            Err(Refused::Full) => {
+                self.state.missed.fetch_add(1, Ordering::Relaxed);
                 if !self.state.in_gap.swap(true, Ordering::Relaxed) {
                     warn!("the disk is too slow: the recording has a gap");
                 }
             }
             // it stopped with an error that was logged
-            Err(TrySendError::Disconnected(_)) => {
-                missed.fetch_add(1, Ordering::Relaxed);
+            Err(Refused::Closed) => {
+                self.state.missed.fetch_add(1, Ordering::Relaxed);
             }
         }
     }
-}
 
-/// Records what the observers say.
-pub(super) struct Estimates(Publisher<Queue>);
-
-impl fmt::Debug for Estimates {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str("Estimates")
-    }
-}
-
-impl Estimates {
-    pub(super) fn snapshot(&mut self, snapshot: &Snapshot<'_>) {
-        // the queue takes everything or counts it as missed: there is no error to tell
-        let _ = self.0.snapshot(snapshot);
-    }
-}
-
-struct Queue {
-    handle: RecorderHandle,
-    channels: u16,
-}
-
-impl ChannelSink for Queue {
-    fn channel(&mut self, new: &NewChannel<'_>) -> Result<u16, RecordError> {
-        let id = self.channels;
-        // an announcement must not be lost, or later channels would be taken for others: this waits for the disk, once
-        // for each topic; a recorder that has stopped needs none
-        let _ = self.handle.queue.send(Entry::Channel(Box::new(new.into())));
-        self.channels = id.saturating_add(1);
-        Ok(id)
-    }
-
-    fn message(&mut self, header: &MessageHeader, data: &[u8]) -> Result<(), RecordError> {
-        self.handle.give(Entry::Message { header: *header, data: data.into() });
-        Ok(())
+    pub(super) fn state(&self) -> Arc<RecorderState> {
+        Arc::clone(&self.state)
     }
 }
 
 /// The writing end: [`Recorder::run`] belongs on a thread.
-pub(super) struct Recorder<D: Disk> {
+#[derive(Debug)]
+pub(super) struct Recorder<O> {
     queue: Receiver<Entry>,
     state: Arc<RecorderState>,
-    session: Session<D>,
-    links: Vec<String>,
+    files: O,
 }
 
-impl<D: Disk> fmt::Debug for Recorder<D> {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.debug_struct("Recorder").field("state", &self.state).finish_non_exhaustive()
-    }
+/// Opens the files of a recording.
+pub(super) trait OpenTrack {
+    type File: Write;
+
+    fn open(&mut self, track: Track) -> io::Result<Self::File>;
 }
 
-impl Recorder<Folder> {
-    /// Prepares a recording into `directory`, which is made if it is not there, and begins it.
-    pub(super) fn create(
-        directory: &Path,
-        policy: Policy,
-        links: Vec<String>,
-    ) -> Result<(RecorderHandle, Self), DaemonError> {
+impl Recorder<Files> {
+    /// Prepares a recording into `directory`, which is made if it is not there, and opens its first file.
+    pub(super) fn create(directory: &Path, now_us: u64) -> Result<(RecorderHandle, Self), DaemonError> {
         let failed = |source| DaemonError::Record { directory: directory.to_owned(), source };
-        let folder = Folder::create(directory).map_err(|e| failed(RecordError::Write(e)))?;
-        let session = Session::begin(folder, policy, unix_us()).map_err(failed)?;
-        info!(directory = %directory.display(), "recording");
-        Ok(Self::with(session, links))
+        fs::create_dir_all(directory).map_err(failed)?;
+        Ok(Self::with(Files::create(directory, now_us).map_err(failed)?))
     }
 }
 
-impl<D: Disk> Recorder<D> {
-    fn with(session: Session<D>, links: Vec<String>) -> (RecorderHandle, Self) {
-        let (sender, queue) = sync_channel(RECORDER_QUEUE);
+impl<O: OpenTrack> Recorder<O> {
+    fn with(files: O) -> (RecorderHandle, Self) {
+        let (sender, queue) = batches::channel(RECORDER_QUEUE, Wake::Filled);
         let state = Arc::new(RecorderState::default());
-        (RecorderHandle { queue: sender, state: Arc::clone(&state) }, Self { queue, state, session, links })
+        (RecorderHandle { queue: sender, state: Arc::clone(&state) }, Self { queue, state, files })
     }
 
     /// Writes until every handle is dropped or the disk fails.
     pub(super) fn run(mut self) {
-        let outcome = self.write_all().and_then(|()| self.session.finish());
-        match outcome {
-            Ok(_) => info!(frames = self.state.written(), missed = self.state.missed(), "recording finished"),
+        match self.write_all() {
+            Ok(()) => info!(frames = self.state.written(), missed = self.state.missed(), "recording finished"),
             Err(error) => {
                 self.state.stopped.store(true, Ordering::Relaxed);
                 error!(frames = self.state.written(), "recording stopped: {error}; everything else goes on");
@@ -196,35 +136,74 @@ impl<D: Disk> Recorder<D> {
         }
     }
 
-    fn write_all(&mut self) -> Result<(), RecordError> {
-        let mut gaps_told = 0;
+    fn write_all(&mut self) -> io::Result<()> {
+        let (mut received, mut sent) = (None, None);
+        let (mut flushed, mut batch) = (Instant::now(), Vec::new());
         loop {
-            match self.queue.recv_timeout(TICK) {
-                Ok(entry) => self.write(entry)?,
-                Err(RecvTimeoutError::Timeout) => {}
-                Err(RecvTimeoutError::Disconnected) => return Ok(()),
+            let took = self.queue.take(&mut batch, LOOK_EVERY);
+            for Entry { track, unix_us, frame } in batch.drain(..) {
+                let slot = if track == Track::Received { &mut received } else { &mut sent };
+                let writer = match slot {
+                    Some(writer) => writer,
+                    None => {
+                        let file = self.files.open(track)?;
+                        slot.insert(TlogWriter::new(BufWriter::with_capacity(BUFFER, file)))
+                    }
+                };
+                writer.write(unix_us, frame.as_ref())?;
+                self.state.written.fetch_add(1, Ordering::Relaxed);
             }
-            let missed = self.state.missed() + self.state.estimates_missed.load(Ordering::Relaxed);
-            if missed > gaps_told && !self.state.in_gap.load(Ordering::Relaxed) {
-                self.session.gap(unix_us(), missed - gaps_told)?;
-                gaps_told = missed;
+            if took == Took::Closed {
+                break;
             }
-            self.session.tick(unix_us())?;
-            self.state.written.store(self.session.written(), Ordering::Relaxed);
+            if flushed.elapsed() >= FLUSH_EVERY {
+                received.iter_mut().chain(&mut sent).try_for_each(TlogWriter::flush)?;
+                flushed = Instant::now();
+            }
         }
+        received.iter_mut().chain(&mut sent).try_for_each(TlogWriter::flush)
     }
+}
 
-    fn write(&mut self, entry: Entry) -> Result<(), RecordError> {
-        match entry {
-            Entry::Frame { track, link, unix_us, frame } => {
-                let link = self.links.get(usize::from(link)).map_or("", String::as_str);
-                self.session.frame(track, link, unix_us, frame.as_ref())
+/// The files of one recording. The first exists from the start, so that a directory which cannot be written to is an
+/// error at the start; the second is made when there is something to write.
+#[derive(Debug)]
+pub(super) struct Files {
+    received: Option<File>,
+    sent: PathBuf,
+}
+
+impl Files {
+    fn create(directory: &Path, now_us: u64) -> io::Result<Self> {
+        let stamp = file_stamp(now_us);
+        // two daemons may start in one second
+        for attempt in 1..=99 {
+            let name = if attempt == 1 { stamp.clone() } else { format!("{stamp}-{attempt}") };
+            let path = directory.join(format!("{name}.tlog"));
+            match File::create_new(&path) {
+                Ok(file) => {
+                    info!(file = %path.display(), "recording");
+                    return Ok(Self { received: Some(file), sent: directory.join(format!("{name}.sent.tlog")) });
+                }
+                Err(error) if error.kind() == io::ErrorKind::AlreadyExists => {}
+                Err(error) => return Err(error),
             }
-            Entry::Channel(channel) => {
-                self.session.announce(*channel);
-                Ok(())
+        }
+        Err(io::Error::from(io::ErrorKind::AlreadyExists))
+    }
+}
+
+impl OpenTrack for Files {
+    type File = File;
+
+    fn open(&mut self, track: Track) -> io::Result<File> {
+        match (track, self.received.take()) {
+            (Track::Received, Some(file)) => Ok(file),
+            (Track::Received, None) => Err(io::Error::other("the file was opened before")),
+            (Track::Sent, received) => {
+                self.received = received;
+                File::create_new(&self.sent)
             }
-            Entry::Message { header, data } => self.session.message(unix_us(), &header, &data),
         }
     }
 }
@@ -232,27 +211,68 @@ impl<D: Disk> Recorder<D> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::wire::Encoder;
     use crate::wire::dialect::ardupilotmega::SYSTEM_TIME_DATA;
-    use std::io::{self, Seek, SeekFrom, Write};
-    use std::time::Instant;
+    use crate::wire::tlog::TlogReader;
+    use crate::wire::{Encoder, Event};
+    use std::sync::Mutex;
 
     fn frame(number: u32) -> FrameBuf {
         Encoder::new(1, 1).encode(&SYSTEM_TIME_DATA { time_unix_usec: 7, time_boot_ms: number })
     }
 
+    fn read(path: &Path) -> Vec<(u64, FrameBuf)> {
+        let mut reader = TlogReader::open(path).expect("a log");
+        let mut frames = Vec::new();
+        while let Some(record) = reader.next().expect("readable") {
+            let Event::Frame(frame) = record.event else { panic!("{:?}", record.event) };
+            frames.push((record.received_unix_us.expect("stamped"), frame.into()));
+        }
+        frames
+    }
+
+    fn logs_in(directory: &Path) -> Vec<PathBuf> {
+        let mut logs: Vec<_> =
+            fs::read_dir(directory).expect("is there").map(|e| e.expect("readable").path()).collect();
+        logs.sort();
+        logs
+    }
+
+    #[test]
+    fn both_tracks_are_logs_of_exactly_what_was_given() {
+        let directory = tempfile::tempdir().expect("a directory");
+        let (handle, recorder) = Recorder::create(&directory.path().join("new"), 0).expect("starts");
+        let thread = std::thread::spawn(|| recorder.run());
+        for k in 0..500 {
+            handle.record(Track::Received, 1_000 + u64::from(k), frame(k).as_ref());
+        }
+        handle.record(Track::Sent, 9, frame(99).as_ref());
+        drop(handle);
+        thread.join().expect("no panic");
+
+        let logs = logs_in(&directory.path().join("new"));
+        let names: Vec<_> = logs.iter().filter_map(|p| p.file_name()?.to_str()).collect();
+        assert_eq!(names, ["19700101T000000Z.sent.tlog", "19700101T000000Z.tlog"]);
+        let expected: Vec<_> = (0..500).map(|k| (1_000 + u64::from(k), frame(k))).collect();
+        assert_eq!(read(&logs[1]), expected);
+        assert_eq!(read(&logs[0]), [(9, frame(99))]);
+    }
+
+    #[test]
+    fn a_second_recording_in_the_same_second_has_its_own_name() {
+        let directory = tempfile::tempdir().expect("a directory");
+        let _first = Recorder::create(directory.path(), 0).expect("starts");
+        let _second = Recorder::create(directory.path(), 0).expect("starts");
+        assert_eq!(logs_in(directory.path()).len(), 2);
+    }
+
     #[test]
     fn what_was_given_is_on_disk_within_a_second() {
         let directory = tempfile::tempdir().expect("a directory");
-        let (handle, recorder) =
-            Recorder::create(directory.path(), Policy::default(), vec!["radio".to_owned()]).expect("starts");
+        let (handle, recorder) = Recorder::create(directory.path(), 0).expect("starts");
         let thread = std::thread::spawn(|| recorder.run());
-        handle.record(Track::Received, 0, unix_us(), frame(5).as_ref());
+        handle.record(Track::Received, 5, frame(5).as_ref());
         std::thread::sleep(Duration::from_secs(1));
-        let logs: Vec<_> = std::fs::read_dir(directory.path()).expect("is there").flatten().map(|e| e.path()).collect();
-        let log = logs.iter().find(|p| p.extension().is_some_and(|e| e == "tlog")).expect("a log");
-        let mut reader = crate::wire::tlog::TlogReader::open(log).expect("readable while it is written");
-        assert!(reader.next().expect("readable").is_some());
+        assert_eq!(read(&logs_in(directory.path())[0]), [(5, frame(5))], "while the recorder is still running");
         drop(handle);
         thread.join().expect("no panic");
     }
@@ -260,36 +280,32 @@ mod tests {
     #[test]
     fn a_place_that_cannot_be_written_is_an_error_at_the_start() {
         let file = tempfile::NamedTempFile::new().expect("a file");
-        let error = Recorder::create(&file.path().join("below"), Policy::default(), Vec::new()).err();
-        assert!(matches!(error, Some(DaemonError::Record { .. })), "{error:?}");
+        let error = Recorder::create(&file.path().join("below"), 0).expect_err("a file is no directory");
+        assert!(matches!(error, DaemonError::Record { .. }), "{error}");
     }
 
-    /// A disk that is full from the start.
-    struct Full;
+    /// A disk with room for so many bytes.
+    #[derive(Clone)]
+    struct SmallDisk {
+        room: Arc<Mutex<usize>>,
+    }
 
-    impl Disk for Full {
+    impl OpenTrack for SmallDisk {
         type File = Self;
 
-        fn create(&mut self, _: &str) -> io::Result<Self> {
-            Ok(Self)
-        }
-
-        fn sync(&mut self, _: &str) -> io::Result<()> {
-            Ok(())
-        }
-
-        fn remove(&mut self, _: &str) -> io::Result<()> {
-            Ok(())
-        }
-
-        fn list(&self) -> io::Result<Vec<(String, u64)>> {
-            Ok(Vec::new())
+        fn open(&mut self, _: Track) -> io::Result<Self> {
+            Ok(self.clone())
         }
     }
 
-    impl Write for Full {
-        fn write(&mut self, _: &[u8]) -> io::Result<usize> {
-            Err(io::ErrorKind::StorageFull.into())
+    impl Write for SmallDisk {
+        fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
+            let mut room = self.room.lock().expect("not poisoned");
+            if *room < bytes.len() {
+                return Err(io::Error::from(io::ErrorKind::StorageFull));
+            }
+            *room -= bytes.len();
+            Ok(bytes.len())
         }
 
         fn flush(&mut self) -> io::Result<()> {
@@ -297,26 +313,18 @@ mod tests {
         }
     }
 
-    impl Seek for Full {
-        fn seek(&mut self, _: SeekFrom) -> io::Result<u64> {
-            Ok(0)
-        }
-    }
-
     #[test]
     fn a_full_disk_stops_the_recording_and_nothing_else() {
-        let session =
-            Session::begin(Full, Policy { mcap: false, ..Policy::default() }, 0).expect("nothing written yet");
-        let (handle, recorder) = Recorder::with(session, Vec::new());
+        let (handle, recorder) = Recorder::with(SmallDisk { room: Arc::new(Mutex::new(2 * BUFFER)) });
         let thread = std::thread::spawn(|| recorder.run());
         let before = Instant::now();
         while !handle.state().stopped() && before.elapsed() < Duration::from_secs(20) {
-            handle.record(Track::Received, 0, 1, frame(1).as_ref());
+            handle.record(Track::Received, 1, frame(1).as_ref());
         }
         thread.join().expect("no panic");
         assert!(handle.state().stopped());
         let missed = handle.state().missed();
-        handle.record(Track::Received, 0, 2, frame(2).as_ref());
+        handle.record(Track::Received, 2, frame(2).as_ref());
         assert_eq!(handle.state().missed(), missed + 1, "still counted, and no panic");
     }
 }

@@ -1,68 +1,84 @@
-//! Which link a frame goes to. For now: to every other.
+//! Hands frames to links, as [`crate::routing`] decides.
 
-use super::udp::UdpLink;
+use super::clock::Steady;
+use super::links::Outlet;
+pub use crate::routing::LinkId;
+pub(super) use crate::routing::Origin;
+use crate::routing::{Fate, Routes, Rules};
 use crate::wire::FrameRef;
-use std::net::SocketAddr;
-use std::sync::Arc;
-
-/// Position of a link in the daemon's list.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord)]
-pub struct LinkId(pub usize);
-
-/// Where a frame came from, and where an answer to its sender goes.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) struct Origin {
-    pub(super) link: LinkId,
-    /// The peer on a link that has several.
-    pub(super) peer: Option<SocketAddr>,
-}
-
-/// The sending side of a link. Sending never waits: see the table in [`super`].
-#[derive(Debug, Clone)]
-pub(super) enum Outlet {
-    Udp(Arc<UdpLink>),
-    /// A log takes nothing.
-    Log,
-}
+use std::sync::{Mutex, MutexGuard, PoisonError};
+use std::time::Duration;
 
 /// Hands frames to links. Any thread may call it.
 #[derive(Debug)]
 pub(super) struct Router {
     outlets: Vec<Outlet>,
+    routes: Mutex<Routes>,
+    /// Not the time of the frames: a log's is another than that of a live link.
+    steady: Steady,
 }
 
 impl Router {
-    /// `outlets[i]` belongs to `LinkId(i)`.
-    pub(super) fn new(outlets: Vec<Outlet>) -> Self {
-        Self { outlets }
+    /// `outlets[i]` and `rules[i]` belong to `LinkId(i)`.
+    pub(super) fn new(outlets: Vec<Outlet>, rules: Vec<Rules>, duplicates: Duration) -> Self {
+        let routes = Routes::new(rules, micros(duplicates));
+        Self { outlets, routes: Mutex::new(routes), steady: Steady::start() }
     }
 
-    /// Passes a received frame on, untouched: to every other link and to the other peers of its own.
-    pub(super) fn forward(&self, frame: FrameRef<'_>, from: Origin) {
-        for (index, outlet) in self.outlets.iter().enumerate() {
-            let Outlet::Udp(link) = outlet else { continue };
-            if LinkId(index) != from.link {
-                link.send(frame.bytes(), None);
-            } else if from.peer.is_some() {
-                link.send(frame.bytes(), from.peer);
-            }
+    /// Other rules from now on; links go on as they are.
+    pub(super) fn set_rules(&self, rules: Vec<Rules>, duplicates: Duration) {
+        let mut routes = self.routes();
+        rules.into_iter().enumerate().for_each(|(link, rules)| routes.set_rules(LinkId(link), rules));
+        routes.set_window(micros(duplicates));
+    }
+
+    /// An end that frames can go to.
+    pub(super) fn open(&self, end: Origin) {
+        self.routes().open(end);
+    }
+
+    /// An end has gone.
+    pub(super) fn close(&self, end: Origin) {
+        self.routes().close(end);
+    }
+
+    /// Frames that a link's filter and its rate limits held back on their way out.
+    pub(super) fn held_back(&self, link: LinkId) -> (u64, u64) {
+        self.routes().held_back(link)
+    }
+
+    /// Passes a received frame on, untouched. `ends` is room to work in.
+    pub(super) fn forward(&self, frame: FrameRef<'_>, from: Origin, ends: &mut Vec<Origin>) -> Fate {
+        let fate = self.routes().route(frame, from, self.steady.us(), ends);
+        for end in ends.iter() {
+            self.give(frame, *end);
         }
+        fate
     }
 
     /// Sends one of our own frames to everyone on a link.
     pub(super) fn send(&self, frame: FrameRef<'_>, link: LinkId) {
-        if let Some(Outlet::Udp(link)) = self.outlets.get(link.0) {
-            link.send(frame.bytes(), None);
-        }
+        self.answer(frame, Origin { link, peer: None });
     }
 
     /// Sends one of our own frames to where another came from.
     pub(super) fn answer(&self, frame: FrameRef<'_>, to: Origin) {
-        if let Some(Outlet::Udp(link)) = self.outlets.get(to.link.0) {
-            match to.peer {
-                Some(peer) => link.send_to(frame.bytes(), peer),
-                None => link.send(frame.bytes(), None),
-            }
+        self.routes().sent(frame, self.steady.us());
+        self.give(frame, to);
+    }
+
+    fn give(&self, frame: FrameRef<'_>, to: Origin) {
+        if let Some(outlet) = self.outlets.get(to.link.0) {
+            outlet.send(frame.bytes(), to.peer);
         }
     }
+
+    /// A panic elsewhere leaves routes that are learnt anew from the next frames.
+    fn routes(&self) -> MutexGuard<'_, Routes> {
+        self.routes.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+}
+
+fn micros(time: Duration) -> u64 {
+    u64::try_from(time.as_micros()).unwrap_or(u64::MAX)
 }

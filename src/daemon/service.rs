@@ -1,38 +1,66 @@
 //! Starting and stopping everything.
 
+use super::batches::{self, Sender, Wake};
+use super::clock::unix_us;
 use super::estimator::{Estimator, Voice, Work, Worker};
 use super::inlet::Inlet;
-use super::recorder::{Recorder, RecorderHandle};
-use super::router::{LinkId, Outlet, Router};
+use super::links::{Bound, Outlet};
+use super::metrics;
+use super::recorder::{Files, Recorder, RecorderHandle};
+use super::router::{LinkId, Router};
 use super::settings::Settings;
 use super::status::{Board, Status, StatusLines};
-use super::tlog::LogLink;
-use super::udp::UdpLink;
 use super::{DaemonError, ESTIMATOR_QUEUE};
 use crate::config::LinkUrl;
-use crate::record::session::Folder;
+use crate::routing::Rules;
+use crate::wire::stats::LinkStats;
 use std::collections::HashMap;
 use std::net::SocketAddr;
 use std::sync::Arc;
 use std::thread;
-use tokio::sync::{mpsc, oneshot};
+use std::time::Duration;
+use tokio::net::TcpListener;
+use tokio::sync::oneshot;
 use tokio::task::{Id, JoinError, JoinSet};
 use tokio::time::{Instant, MissedTickBehavior, interval_at, timeout_at};
 use tokio_util::sync::CancellationToken;
 use tracing::{error, info, warn};
 
-/// A daemon whose sockets are bound and whose files are open: nothing that can be wrong with its settings is left.
+/// A daemon whose ports are bound and whose files are open, as far as they are there: what waiting would not mend has
+/// been told.
 #[derive(Debug)]
 pub struct Daemon {
     settings: Settings,
     links: Vec<Bound>,
-    recorder: Option<(RecorderHandle, Recorder<Folder>)>,
+    router: Arc<Router>,
+    board: Arc<Board>,
+    recorder: Option<(RecorderHandle, Recorder<Files>)>,
+    metrics: Option<TcpListener>,
 }
 
-#[derive(Debug)]
-enum Bound {
-    Udp(Arc<UdpLink>),
-    Log(LogLink),
+/// Looks into a daemon that runs, and changes what may change meanwhile.
+#[derive(Debug, Clone)]
+pub struct Control {
+    router: Arc<Router>,
+    board: Arc<Board>,
+}
+
+impl Control {
+    /// Everything as it is now.
+    pub fn status(&self) -> Status {
+        self.board.status()
+    }
+
+    /// What each link received so far, in their order.
+    pub fn traffic(&self) -> Vec<LinkStats> {
+        self.board.traffic()
+    }
+
+    /// Other filters, limits and groups for the links, in their order, and another window for duplicates, from now on.
+    /// No link is touched.
+    pub fn set_rules(&self, rules: Vec<Rules>, duplicates: Duration) {
+        self.router.set_rules(rules, duplicates);
+    }
 }
 
 /// How a run ended.
@@ -45,51 +73,55 @@ pub struct Summary {
 }
 
 impl Daemon {
-    /// Binds every socket and opens every file.
+    /// Binds every port and opens every file that is there. What is not there yet is waited for once the daemon runs.
     ///
     /// # Errors
-    /// The first link or directory that cannot be opened, and why.
+    /// The first port that another program holds, log that cannot be read, or directory that cannot be written.
     pub async fn bind(settings: Settings) -> Result<Self, DaemonError> {
         let mut links = Vec::with_capacity(settings.links.len());
         for link in &settings.links {
-            let name = link.name.clone();
-            links.push(match &link.url {
-                LinkUrl::UdpIn { host, port } => Bound::Udp(Arc::new(UdpLink::listen(name, host, *port).await?)),
-                LinkUrl::UdpOut { host, port } => Bound::Udp(Arc::new(UdpLink::speak_to(name, host, *port).await?)),
-                LinkUrl::Tlog { path, pace } => Bound::Log(LogLink::open(name, path, *pace)?),
-            });
+            links.push(Bound::bind(link).await?);
         }
-        let names = || settings.links.iter().map(|l| l.name.clone()).collect();
         let recorder =
-            settings.record.as_ref().map(|r| Recorder::create(&r.directory, r.policy, names())).transpose()?;
-        Ok(Self { settings, links, recorder })
+            settings.record.as_deref().map(|directory| Recorder::create(directory, unix_us())).transpose()?;
+        let metrics = match settings.metrics {
+            Some(address) => {
+                let failed = |source| DaemonError::Metrics { address, source };
+                let listener = TcpListener::bind(address).await.map_err(failed)?;
+                info!("metrics at http://{}/metrics", listener.local_addr().unwrap_or(address));
+                Some(listener)
+            }
+            None => None,
+        };
+        let outlets: Vec<Outlet> = links.iter().map(Bound::outlet).collect();
+        let rules = settings.links.iter().map(|l| l.rules.clone()).collect();
+        let router = Arc::new(Router::new(outlets.clone(), rules, settings.duplicates));
+        let names = settings.links.iter().map(|l| l.name.clone()).collect();
+        let board = Arc::new(Board::new(names, outlets, Arc::clone(&router)));
+        Ok(Self { settings, links, router, board, recorder, metrics })
     }
 
-    /// The address that a UDP link is bound to.
+    /// The address that a UDP or TCP port is bound to.
     pub fn local_addr(&self, link: LinkId) -> Option<SocketAddr> {
-        match self.links.get(link.0)? {
-            Bound::Udp(udp) => udp.local_addr(),
-            Bound::Log(_) => None,
-        }
+        self.links.get(link.0)?.local_addr()
     }
 
-    /// Runs until `stop`, or until every link has ended, which only logs do.
+    /// A handle that stays valid while the daemon runs.
+    pub fn control(&self) -> Control {
+        Control { router: Arc::clone(&self.router), board: Arc::clone(&self.board) }
+    }
+
+    /// Runs until `stop`, or until every link has ended, which only logs do. Without an estimator it is a bridge.
     ///
     /// # Errors
     /// A thread cannot be started.
-    pub async fn run<E: Estimator>(self, estimator: E, stop: CancellationToken) -> Result<Summary, DaemonError> {
-        let Self { settings, links, recorder } = self;
-        let outlets: Vec<_> = links
-            .iter()
-            .map(|link| match link {
-                Bound::Udp(udp) => Outlet::Udp(Arc::clone(udp)),
-                Bound::Log(_) => Outlet::Log,
-            })
-            .collect();
-        let names: Vec<_> = settings.links.iter().map(|l| l.name.clone()).collect();
-        let router = Arc::new(Router::new(outlets.clone()));
-        let board = Arc::new(Board::new(names, outlets));
-
+    pub async fn run<E: Estimator>(
+        self,
+        estimator: Option<E>,
+        stop: CancellationToken,
+    ) -> Result<Summary, DaemonError> {
+        let control = self.control();
+        let Self { settings, links, router, board, recorder, metrics } = self;
         let (handle, recording) = match recorder {
             Some((handle, recorder)) => {
                 board.recording(handle.state());
@@ -97,17 +129,25 @@ impl Daemon {
             }
             None => (None, None),
         };
-        let (sender, queue) = mpsc::channel::<Work>(ESTIMATOR_QUEUE);
-        let talking = settings.links.iter().enumerate().filter(|(_, l)| !matches!(l.url, LinkUrl::Tlog { .. }));
-        let talking = talking.map(|(i, l)| (LinkId(i), l.output)).collect();
-        let voice = Voice::new(Arc::clone(&router), talking, handle.clone());
-        let worker = Worker::new(estimator, voice, settings.requests.clone(), Arc::clone(&board));
-        let estimating = Stage::start("estimator", move || worker.run(queue))?;
+        let (sender, estimating) = match estimator {
+            Some(estimator) => {
+                let (sender, stage) = estimate(estimator, &settings, &router, handle.clone(), &board)?;
+                (Some(sender), Some(stage))
+            }
+            None => (None, None),
+        };
+
+        let serving = CancellationToken::new();
+        let _stop_serving = serving.clone().drop_guard();
+        if let Some(listener) = metrics {
+            tokio::spawn(metrics::serve(listener, control, serving));
+        }
 
         // the links own every handle from here on, so the stages behind them end when the links have
-        let inlet = Inlet { link: LinkId(0), router, recorder: handle, estimator: sender, board: Arc::clone(&board) };
+        let inlet = Inlet::new(router, handle, sender, Arc::clone(&board));
         let closing = stop.child_token();
-        let mut running = Links::start(links, &inlet, &closing);
+        let names = settings.links.iter().map(|l| l.name.clone()).collect();
+        let mut running = Links::start(links, names, &inlet, &closing);
         drop(inlet);
 
         let mut lines = StatusLines::new(board.status());
@@ -124,7 +164,7 @@ impl Daemon {
         let deadline = Instant::now() + settings.stop_within;
         closing.cancel();
         let mut stragglers = running.close(deadline).await;
-        for stage in [Some(estimating), recording].into_iter().flatten() {
+        for stage in [estimating, recording].into_iter().flatten() {
             stragglers.extend(stage.finish(deadline).await);
         }
         for straggler in &stragglers {
@@ -134,6 +174,22 @@ impl Daemon {
     }
 }
 
+/// Starts the thread of the observers.
+fn estimate<E: Estimator>(
+    estimator: E,
+    settings: &Settings,
+    router: &Arc<Router>,
+    recorder: Option<RecorderHandle>,
+    board: &Arc<Board>,
+) -> Result<(Sender<Work>, Stage), DaemonError> {
+    let (sender, queue) = batches::channel::<Work>(ESTIMATOR_QUEUE, Wake::AtOnce);
+    let talking = settings.links.iter().enumerate().filter(|(_, l)| !matches!(l.url, LinkUrl::Tlog { .. }));
+    let talking = talking.map(|(i, l)| (LinkId(i), l.output)).collect();
+    let voice = Voice::new(Arc::clone(router), talking, recorder);
+    let worker = Worker::new(estimator, voice, settings.requests.clone(), Arc::clone(board));
+    Ok((sender, Stage::start("estimator", move || worker.run(queue))?))
+}
+
 /// The tasks of the links, by name.
 struct Links {
     tasks: JoinSet<Result<(), String>>,
@@ -141,19 +197,10 @@ struct Links {
 }
 
 impl Links {
-    fn start(links: Vec<Bound>, inlet: &Inlet, stop: &CancellationToken) -> Self {
+    fn start(links: Vec<Bound>, names: Vec<String>, inlet: &Inlet, stop: &CancellationToken) -> Self {
         let mut this = Self { tasks: JoinSet::new(), names: HashMap::new() };
-        for (index, link) in links.into_iter().enumerate() {
-            let inlet = Inlet { link: LinkId(index), ..inlet.clone() };
-            let stop = stop.clone();
-            let (name, task) = match link {
-                Bound::Udp(udp) => (udp.name().to_owned(), {
-                    this.tasks.spawn(async move { udp.receive(inlet, stop).await.map_err(|e| e.to_string()) })
-                }),
-                Bound::Log(log) => (log.name().to_owned(), {
-                    this.tasks.spawn(async move { log.play(inlet, stop).await.map_err(|e| e.to_string()) })
-                }),
-            };
+        for (index, (link, name)) in links.into_iter().zip(names).enumerate() {
+            let task = this.tasks.spawn(link.run(inlet.of(LinkId(index)), stop.clone()));
             this.names.insert(task.id(), name);
         }
         this

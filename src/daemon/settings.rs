@@ -1,5 +1,7 @@
-use crate::config::{Link, Recording};
+use crate::config::Link;
 use crate::telemetry::requests::Need;
+use std::net::SocketAddr;
+use std::path::PathBuf;
 use std::time::Duration;
 
 /// What a [`Daemon`](super::Daemon) is to do.
@@ -9,7 +11,11 @@ pub struct Settings {
     /// What live vehicles are asked for; `None` asks for nothing, not even the time.
     pub requests: Option<Vec<Need>>,
     /// Where recordings go; `None` records nothing.
-    pub record: Option<Recording>,
+    pub record: Option<PathBuf>,
+    /// How long a frame is known, to remove it when it comes again by another link.
+    pub duplicates: Duration,
+    /// Where Prometheus may ask for numbers.
+    pub metrics: Option<SocketAddr>,
     /// How long the parts may take to stop.
     pub stop_within: Duration,
     /// Time between two rounds of status lines.
@@ -23,6 +29,8 @@ impl Settings {
             links,
             requests: None,
             record: None,
+            duplicates: Duration::from_millis(500),
+            metrics: None,
             stop_within: Duration::from_secs(5),
             status_every: Duration::from_secs(10),
         }

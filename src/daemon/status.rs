@@ -1,18 +1,20 @@
 //! Numbers that say how the daemon is doing, and the lines that show them.
 
+use super::links::Outlet;
 use super::recorder::RecorderState;
-use super::router::{LinkId, Outlet};
+use super::router::Router;
 use crate::pipeline::{Snapshot, VehicleId, WindEstimate, WrenchEstimate};
+use crate::routing::LinkId;
 use crate::signal::Verdict;
 use crate::telemetry::timesync::ClockOffset;
-use crate::wire::Event;
 use crate::wire::stats::{LinkStats, Source};
-use std::collections::BTreeMap;
+use crate::wire::{Event, FrameRef};
+use std::collections::{BTreeMap, BTreeSet};
 use std::fmt::{self, Write};
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard, OnceLock, PoisonError};
 use std::time::Instant;
-use tracing::{debug, info};
+use tracing::{debug, info, warn};
 
 /// What a link sent and what it could not take. Only ever counts up.
 #[derive(Debug, Default)]
@@ -23,19 +25,38 @@ pub(super) struct Traffic {
     strangers: AtomicU64,
 }
 
+/// The same at one moment.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub(super) struct TrafficCounts {
+    pub(super) frames: u64,
+    pub(super) bytes: u64,
+    pub(super) dropped: u64,
+    pub(super) strangers: u64,
+}
+
 impl Traffic {
-    pub(super) fn sent(&self, bytes: usize) {
-        self.frames_out.fetch_add(1, Ordering::Relaxed);
+    pub(super) fn sent(&self, frames: u64, bytes: usize) {
+        self.frames_out.fetch_add(frames, Ordering::Relaxed);
         self.bytes_out.fetch_add(bytes as u64, Ordering::Relaxed);
     }
 
-    pub(super) fn dropped(&self) {
-        self.dropped_out.fetch_add(1, Ordering::Relaxed);
+    pub(super) fn dropped(&self, frames: u64) {
+        self.dropped_out.fetch_add(frames, Ordering::Relaxed);
     }
 
-    /// A datagram of somebody who is not served.
+    /// A datagram or connection of somebody who is not served.
     pub(super) fn stranger(&self) {
         self.strangers.fetch_add(1, Ordering::Relaxed);
+    }
+
+    pub(super) fn counts(&self) -> TrafficCounts {
+        let count = |counter: &AtomicU64| counter.load(Ordering::Relaxed);
+        TrafficCounts {
+            frames: count(&self.frames_out),
+            bytes: count(&self.bytes_out),
+            dropped: count(&self.dropped_out),
+            strangers: count(&self.strangers),
+        }
     }
 }
 
@@ -43,7 +64,11 @@ impl Traffic {
 #[derive(Debug)]
 pub(super) struct Board {
     links: Vec<LinkBoard>,
+    router: Arc<Router>,
     vehicles: Mutex<BTreeMap<VehicleId, VehicleStatus>>,
+    observers: Mutex<BTreeMap<(VehicleId, &'static str), ObserverStatus>>,
+    /// Systems of which it was told that there are two.
+    twins_told: Mutex<BTreeSet<u8>>,
     estimator_missed: AtomicU64,
     recorder: OnceLock<Arc<RecorderState>>,
 }
@@ -53,12 +78,19 @@ struct LinkBoard {
     name: String,
     outlet: Outlet,
     received: Mutex<LinkStats>,
+    blocked: AtomicU64,
+    duplicates: AtomicU64,
+    twins: AtomicU64,
 }
 
 /// One link so far.
 #[derive(Debug, Clone, PartialEq)]
 pub struct LinkStatus {
     pub name: String,
+    /// Why the link is down at present.
+    pub down: Option<String>,
+    /// How often it came up again after the first time.
+    pub reconnects: u64,
     pub peers: usize,
     pub frames_in: u64,
     pub bytes_in: u64,
@@ -66,11 +98,21 @@ pub struct LinkStatus {
     pub bad_in: u64,
     /// Frames that never came, by the senders' sequence numbers.
     pub lost_in: u64,
+    /// Frames that the link's filter did not take.
+    pub blocked_in: u64,
+    /// Frames that had come before by another link.
+    pub duplicates_in: u64,
+    /// Frames of a second sender with the ids of one that is heard on another link.
+    pub twins_in: u64,
     pub frames_out: u64,
     pub bytes_out: u64,
-    /// Frames that the socket did not take.
+    /// Frames that the socket did not take, that a full queue had no room for, or that were on their way when a
+    /// connection broke.
     pub dropped_out: u64,
-    /// Datagrams of senders that are not served.
+    /// Frames that the link's filter and its rate limits held back.
+    pub filtered_out: u64,
+    pub limited_out: u64,
+    /// Datagrams and connections of senders that are not served.
     pub strangers: u64,
     pub sources: Vec<SourceStatus>,
 }
@@ -98,11 +140,21 @@ pub struct VehicleStatus {
     pub clock: Option<ClockOffset>,
 }
 
+/// One observer of one vehicle so far.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub struct ObserverStatus {
+    pub steps: u64,
+    /// Steps whose data agreed with what the observer assumes.
+    pub consistent: u64,
+}
+
 /// Everything at one moment.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Status {
     pub links: Vec<LinkStatus>,
     pub vehicles: BTreeMap<VehicleId, VehicleStatus>,
+    /// By vehicle and registry name.
+    pub observers: BTreeMap<(VehicleId, &'static str), ObserverStatus>,
     /// Frames that came while the estimator's queue was full.
     pub estimator_missed: u64,
     pub recording: Option<RecordingStatus>,
@@ -120,11 +172,21 @@ pub struct RecordingStatus {
 
 impl Board {
     /// A board for links with these names.
-    pub(super) fn new(names: Vec<String>, outlets: Vec<Outlet>) -> Self {
-        let links = names.into_iter().zip(outlets);
+    pub(super) fn new(names: Vec<String>, outlets: Vec<Outlet>, router: Arc<Router>) -> Self {
+        let links = names.into_iter().zip(outlets).map(|(name, outlet)| LinkBoard {
+            name,
+            outlet,
+            received: Mutex::default(),
+            blocked: AtomicU64::new(0),
+            duplicates: AtomicU64::new(0),
+            twins: AtomicU64::new(0),
+        });
         Self {
-            links: links.map(|(name, outlet)| LinkBoard { name, outlet, received: Mutex::default() }).collect(),
+            links: links.collect(),
+            router,
             vehicles: Mutex::default(),
+            observers: Mutex::default(),
+            twins_told: Mutex::default(),
             estimator_missed: AtomicU64::new(0),
             recorder: OnceLock::new(),
         }
@@ -138,8 +200,9 @@ impl Board {
     /// Everything as it is now.
     pub(super) fn status(&self) -> Status {
         Status {
-            links: self.links.iter().map(LinkBoard::status).collect(),
+            links: self.links.iter().enumerate().map(|(i, l)| l.status(LinkId(i), &self.router)).collect(),
             vehicles: lock(&self.vehicles).clone(),
+            observers: lock(&self.observers).clone(),
             estimator_missed: self.estimator_missed.load(Ordering::Relaxed),
             recording: self.recorder.get().map(|recorder| RecordingStatus {
                 frames: recorder.written(),
@@ -152,6 +215,33 @@ impl Board {
     pub(super) fn received(&self, link: LinkId, event: &Event<'_>, now_us: u64) {
         if let Some(link) = self.links.get(link.0) {
             lock(&link.received).event(now_us, event);
+        }
+    }
+
+    /// The link's filter did not take a frame.
+    pub(super) fn blocked(&self, link: LinkId) {
+        if let Some(link) = self.links.get(link.0) {
+            link.blocked.fetch_add(1, Ordering::Relaxed);
+        }
+    }
+
+    /// A frame came of a second sender with the ids of one that is heard on another link. Told once for each: a
+    /// station's ids are often shared, a vehicle's should not be.
+    pub(super) fn twin(&self, link: LinkId, frame: FrameRef<'_>) {
+        let Some(link) = self.links.get(link.0) else { return };
+        link.twins.fetch_add(1, Ordering::Relaxed);
+        const AUTOPILOT: u8 = 1;
+        let (system, component) = (frame.system_id(), frame.component_id());
+        if component == AUTOPILOT && lock(&self.twins_told).insert(system) {
+            let link = &link.name;
+            warn!(link, system, "a second vehicle with this system id: it is forwarded, but not estimated");
+        }
+    }
+
+    /// A frame had come before by another link.
+    pub(super) fn duplicate(&self, link: LinkId) {
+        if let Some(link) = self.links.get(link.0) {
+            link.duplicates.fetch_add(1, Ordering::Relaxed);
         }
     }
 
@@ -173,6 +263,18 @@ impl Board {
         status.verdict = snapshot.verdict;
         status.wrench = snapshot.wrench;
         status.wind = snapshot.wind;
+        drop(vehicles);
+        let mut observers = lock(&self.observers);
+        for report in snapshot.observers.iter() {
+            let status = observers.entry((snapshot.vehicle, report.name)).or_default();
+            status.steps += 1;
+            status.consistent += u64::from(report.estimate.verdict == Verdict::Consistent);
+        }
+    }
+
+    /// What each link received, in detail.
+    pub(super) fn traffic(&self) -> Vec<LinkStats> {
+        self.links.iter().map(|link| lock(&link.received).clone()).collect()
     }
 
     pub(super) fn clock(&self, vehicle: VehicleId, clock: Option<ClockOffset>) {
@@ -187,19 +289,29 @@ impl Board {
 }
 
 impl LinkBoard {
-    fn status(&self) -> LinkStatus {
+    fn status(&self, id: LinkId, router: &Router) -> LinkStatus {
+        let traffic = self.outlet.traffic().map(Traffic::counts).unwrap_or_default();
+        let (filtered_out, limited_out) = router.held_back(id);
+        let health = self.outlet.health();
         let received = lock(&self.received);
-        let mut status = LinkStatus {
+        LinkStatus {
             name: self.name.clone(),
-            peers: 0,
+            down: health.and_then(|health| health.why_down()),
+            reconnects: health.map_or(0, |health| health.times_up().saturating_sub(1)),
+            peers: self.outlet.peer_count(),
             frames_in: received.totals().frames,
             bytes_in: received.totals().bytes,
             bad_in: received.bad_frames(),
             lost_in: received.losses().lost,
-            frames_out: 0,
-            bytes_out: 0,
-            dropped_out: 0,
-            strangers: 0,
+            blocked_in: self.blocked.load(Ordering::Relaxed),
+            duplicates_in: self.duplicates.load(Ordering::Relaxed),
+            twins_in: self.twins.load(Ordering::Relaxed),
+            frames_out: traffic.frames,
+            bytes_out: traffic.bytes,
+            dropped_out: traffic.dropped,
+            filtered_out,
+            limited_out,
+            strangers: traffic.strangers,
             sources: received
                 .sources()
                 .map(|(source, stats)| SourceStatus {
@@ -211,16 +323,7 @@ impl LinkBoard {
                     jitter_s: stats.cadence().jitter_s(),
                 })
                 .collect(),
-        };
-        if let Outlet::Udp(udp) = &self.outlet {
-            let count = |counter: &AtomicU64| counter.load(Ordering::Relaxed);
-            status.peers = udp.peer_count();
-            status.frames_out = count(&udp.traffic.frames_out);
-            status.bytes_out = count(&udp.traffic.bytes_out);
-            status.dropped_out = count(&udp.traffic.dropped_out);
-            status.strangers = count(&udp.traffic.strangers);
         }
-        status
     }
 }
 
@@ -274,6 +377,9 @@ impl LinkStatus {
         let per_second = |now: u64, before: u64| now.saturating_sub(before) as f64 / seconds;
         let mut line = format!("link {}: ", self.name);
         // writing into a String cannot fail
+        if let Some(why) = &self.down {
+            let _ = write!(line, "down ({why}), ");
+        }
         let _ = write!(line, "in {:.0} frames/s", per_second(self.frames_in, last.frames_in));
         if self.bad_in > last.bad_in {
             let _ = write!(line, " and {} bad", self.bad_in - last.bad_in);
@@ -303,13 +409,7 @@ impl fmt::Display for SourceStatus {
 
 impl fmt::Display for VehicleStatus {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str(match self.verdict {
-            Verdict::Consistent => "consistent",
-            Verdict::Settling => "settling",
-            Verdict::AssumptionViolated => "assumption violated",
-            Verdict::Starved => "starved",
-            Verdict::Grounded => "on the ground",
-        })?;
+        f.write_str(verdict_name(self.verdict))?;
         if let Some(wind) = &self.wind {
             let velocity = wind.velocity_ned_mps;
             let from = (-velocity.y).atan2(-velocity.x).to_degrees().rem_euclid(360.0);
@@ -321,6 +421,17 @@ impl fmt::Display for VehicleStatus {
             write!(f, ", force {:.1} \u{b1} {width:.1} N", wrench.force_ned_n.norm())?;
         }
         Ok(())
+    }
+}
+
+/// A verdict as a person reads it.
+pub(super) fn verdict_name(verdict: Verdict) -> &'static str {
+    match verdict {
+        Verdict::Consistent => "consistent",
+        Verdict::Settling => "settling",
+        Verdict::AssumptionViolated => "assumption violated",
+        Verdict::Starved => "starved",
+        Verdict::Grounded => "on the ground",
     }
 }
 

@@ -82,7 +82,10 @@ impl<R: Read> McapReader<R> {
         while !self.ended {
             let (opcode, data) = match self.reader.next_event() {
                 None => break,
-                Some(Err(mcap::McapError::UnexpectedEof)) => break,
+                Some(Err(mcap::McapError::UnexpectedEof)) => {
+                    self.cut_off = true;
+                    break;
+                }
                 Some(Err(error)) => return Err(RecordError::reading(error)),
                 Some(Ok(LinearReadEvent::ReadRequest(n))) => {
                     let into = self.reader.insert(n.max(WINDOW));
@@ -103,14 +106,10 @@ impl<R: Read> McapReader<R> {
                 records::Record::Message { header, data } if self.restore.message(&header, &data)? => {
                     return Ok(Some(self.restore.record()));
                 }
-                records::Record::DataEnd(_) => {
-                    self.ended = true;
-                    return Ok(None);
-                }
+                records::Record::DataEnd(_) => break,
                 _ => {}
             }
         }
-        self.cut_off |= !self.ended;
         self.ended = true;
         Ok(None)
     }

@@ -198,6 +198,11 @@ fn carriers(autopilot: Autopilot, subject: Subject) -> &'static [Carrier] {
     }
 }
 
+/// The messages that carry a channel of this autopilot, best first.
+pub fn carried_by(autopilot: Autopilot, channel: Channel) -> impl Iterator<Item = u32> {
+    carriers(autopilot, Subject::Channel(channel)).iter().map(|carrier| carrier.message_id)
+}
+
 /// What became of the last request for a message or group.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Asked {

@@ -27,6 +27,11 @@ pub fn message_info(id: u32) -> Option<&'static MessageInfo> {
     CATALOG.get(id)
 }
 
+/// Every message that a dialect here defines, by id.
+pub fn messages() -> impl Iterator<Item = (u32, &'static MessageInfo)> {
+    (0..1 << ID_BITS).filter_map(|id| Some((id, message_info(id)?)))
+}
+
 static CATALOG: LazyLock<Catalog> = LazyLock::new(Catalog::build);
 
 /// Two-level table: ids come in clusters, so most pages are absent.

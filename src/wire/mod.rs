@@ -20,7 +20,7 @@ mod scan;
 pub mod stats;
 pub mod tlog;
 
-pub use catalog::{MessageInfo, message_info};
+pub use catalog::{MessageInfo, message_info, messages};
 pub use encode::{EncodeError, Encoder, FrameHeader};
 pub use event::{BadFrame, BadReason, Event};
 pub use fields::{Fields, decode};

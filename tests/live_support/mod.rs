@@ -2,7 +2,7 @@
 #![allow(dead_code)] // each test file uses its part
 
 use mavobserver::config::{Link, LinkUrl};
-use mavobserver::daemon::{Daemon, Estimator, LinkId, Settings, Summary};
+use mavobserver::daemon::{Control, Daemon, Estimator, LinkId, Settings, Summary};
 use mavobserver::outputs::{OutputSettings, Rate, Rates};
 use mavobserver::pipeline::{
     Event, FaultMask, Reports, Snapshot, VehicleId, VehicleKind, WindEstimate, WrenchEstimate,
@@ -56,7 +56,7 @@ pub fn silent(url: LinkUrl) -> Link {
 
 /// A link with the usual outputs.
 pub fn talking(url: LinkUrl) -> Link {
-    Link { name: url.to_string(), url, output: OutputSettings::default() }
+    Link::new(url, OutputSettings::default())
 }
 
 pub fn any_port() -> LinkUrl {
@@ -71,6 +71,7 @@ pub fn towards(peer: &Peer) -> LinkUrl {
 pub struct Running {
     pub addresses: Vec<Option<SocketAddr>>,
     pub stop: CancellationToken,
+    pub control: Control,
     task: JoinHandle<Summary>,
 }
 
@@ -79,12 +80,12 @@ impl Running {
         let links = settings.links.len();
         let daemon = Daemon::bind(settings).await.expect("free ports");
         let addresses = (0..links).map(|i| daemon.local_addr(LinkId(i))).collect();
-        let stop = CancellationToken::new();
+        let (stop, control) = (CancellationToken::new(), daemon.control());
         let task = tokio::spawn({
             let stop = stop.clone();
-            async move { daemon.run(estimator, stop).await.expect("threads start") }
+            async move { daemon.run(Some(estimator), stop).await.expect("threads start") }
         });
-        Self { addresses, stop, task }
+        Self { addresses, stop, control, task }
     }
 
     pub fn address(&self, link: usize) -> SocketAddr {

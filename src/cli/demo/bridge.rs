@@ -1,7 +1,6 @@
 use crate::cli::{Failure, run};
-use crate::config::{Config, LinkUrl, Recording};
+use crate::config::{Config, LinkUrl};
 use crate::daemon::{Daemon, LinkId};
-use crate::record::session::Policy;
 use crate::vehicle::Vehicle;
 use std::net::SocketAddr;
 use std::path::{Path, PathBuf};
@@ -22,7 +21,7 @@ impl Bridge {
     pub fn start(model: Arc<Vehicle>, out: &Path) -> Result<Self, Failure> {
         let mut config = Config::default();
         config.vehicles.default = Some(Arc::clone(&model));
-        config.record = Some(Recording { directory: out.to_owned(), policy: Policy::default() });
+        config.record = Some(out.to_owned());
         for name in ["vehicle", "ground"] {
             config.add_link(LinkUrl::UdpIn { host: "127.0.0.1".to_owned(), port: 0 });
             if let Some(link) = config.links.last_mut() {
@@ -47,7 +46,7 @@ impl Bridge {
         let thread = std::thread::Builder::new()
             .name("daemon".to_owned())
             .spawn(move || {
-                let outcome = runtime.block_on(daemon.run(fleet, token)).map(|_| ()).map_err(Failure::from);
+                let outcome = runtime.block_on(daemon.run(Some(fleet), token)).map(|_| ()).map_err(Failure::from);
                 runtime.shutdown_background();
                 outcome
             })
@@ -77,7 +76,7 @@ impl Bridge {
 /// The recordings in a directory, by name.
 fn logs(directory: &Path) -> Vec<PathBuf> {
     let entries = std::fs::read_dir(directory).into_iter().flatten().flatten().map(|e| e.path());
-    let mut found: Vec<_> = entries.filter(|p| p.extension().is_some_and(|e| e == "tlog" || e == "mcap")).collect();
+    let mut found: Vec<_> = entries.filter(|p| p.extension().is_some_and(|e| e == "tlog")).collect();
     found.sort();
     found
 }

@@ -123,9 +123,21 @@ impl LinkStats {
     }
 }
 
+/// What a sender says it is.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Heartbeat {
+    /// MAV_TYPE.
+    pub mav_type: u8,
+    /// MAV_AUTOPILOT.
+    pub autopilot: u8,
+}
+
+const HEARTBEAT: u32 = 0;
+
 /// One sender.
 #[derive(Debug, Clone, Default)]
 pub struct SourceStats {
+    heartbeat: Option<Heartbeat>,
     totals: Totals,
     sequence: Sequence,
     cadence: Cadence,
@@ -139,6 +151,10 @@ impl SourceStats {
         self.sequence.frame(frame);
         self.cadence.tick(now_us);
         let id = frame.message_id();
+        if id == HEARTBEAT {
+            let fields = frame.fields();
+            self.heartbeat = Some(Heartbeat { mav_type: fields.u8(4), autopilot: fields.u8(5) });
+        }
         match self.messages.binary_search_by_key(&id, |&(id, _)| id) {
             Ok(at) => self.messages[at].1.tick(now_us),
             Err(at) if self.messages.len() < MAX_MESSAGES => {
@@ -152,6 +168,11 @@ impl SourceStats {
 
     pub fn totals(&self) -> Totals {
         self.totals
+    }
+
+    /// What its last HEARTBEAT says.
+    pub fn heartbeat(&self) -> Option<Heartbeat> {
+        self.heartbeat
     }
 
     pub fn losses(&self) -> Losses {

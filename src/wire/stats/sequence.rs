@@ -3,8 +3,13 @@
 use super::Source;
 use crate::wire::{Check, FrameRef};
 
-/// A number this far behind the newest still counts as late; further ahead than this is a jump.
-const WINDOW: u8 = 64;
+/// Further ahead than this is a jump.
+const AHEAD: u8 = 64;
+/// A number this far behind the newest still counts as late: 300 ms of a vehicle that sends 300 frames a second. Longer
+/// would leave too few numbers to know a jump by.
+const BEHIND: u8 = 96;
+/// Numbers that are remembered; the first power of two above [`BEHIND`].
+const MEMORY: u8 = 128;
 /// Counters that one sender may run at the same time. Ground stations keep one per link and let both through.
 const MAX_COUNTERS: usize = 3;
 /// A counter is forgotten when this many frames of the same sender came without it.
@@ -68,9 +73,9 @@ struct Counter {
     /// Newest number.
     head: u8,
     /// Bit i: number `head - i` came.
-    came: u64,
-    /// Checksum of the frame with number n, at n mod 64.
-    checksums: [u16; WINDOW as usize],
+    came: u128,
+    /// Checksum of the frame with number n, at n mod 128.
+    checksums: [u16; MEMORY as usize],
     /// `Sequence::frames` when it last took a frame.
     last_used: u64,
     /// How far it has gone since it started.
@@ -109,8 +114,8 @@ impl Step {
 
 impl Counter {
     fn new(number: u8, checksum: u16, last_used: u64, jump: u64, left: usize) -> Self {
-        let mut checksums = [0; WINDOW as usize];
-        checksums[usize::from(number % WINDOW)] = checksum;
+        let mut checksums = [0; MEMORY as usize];
+        checksums[usize::from(number % MEMORY)] = checksum;
         Self { head: number, came: 1, checksums, last_used, age: 0, jump, left, left_behind: None }
     }
 
@@ -118,12 +123,12 @@ impl Counter {
     fn step(&self, number: u8, checksum: u16) -> Option<Step> {
         let ahead = number.wrapping_sub(self.head);
         let behind = self.head.wrapping_sub(number);
-        let same = self.checksums[usize::from(number % WINDOW)] == checksum;
+        let same = self.checksums[usize::from(number % MEMORY)] == checksum;
         match (ahead, behind) {
             (0, _) => Some(if same { Step::Repeated } else { Step::Stuck }),
-            (1..=WINDOW, _) => Some(Step::Forward { skipped: ahead - 1 }),
-            (_, 1..WINDOW) if self.came >> behind & 1 == 0 => Some(Step::Late { places: behind }),
-            (_, 1..WINDOW) if same => Some(Step::Repeated),
+            (1..=AHEAD, _) => Some(Step::Forward { skipped: ahead - 1 }),
+            (_, 1..=BEHIND) if self.came >> behind & 1 == 0 => Some(Step::Late { places: behind }),
+            (_, 1..=BEHIND) if same => Some(Step::Repeated),
             _ => None,
         }
     }
@@ -138,7 +143,7 @@ impl Counter {
             Step::Late { places } => self.came |= 1 << places,
             Step::Repeated | Step::Stuck => {}
         }
-        self.checksums[usize::from(number % WINDOW)] = checksum;
+        self.checksums[usize::from(number % MEMORY)] = checksum;
     }
 }
 

@@ -1,9 +1,9 @@
 //! A recorded log as a link: its frames arrive as they once did.
 
-use super::inlet::Inlet;
-use super::router::Origin;
-use super::{DaemonError, READ_AHEAD};
 use crate::config::Pace;
+use crate::daemon::clock::unix_us;
+use crate::daemon::inlet::Inlet;
+use crate::daemon::{DaemonError, READ_AHEAD};
 use crate::wire::tlog::{TlogError, TlogReader};
 use crate::wire::{BadFrame, BadReason, Event, FrameBuf};
 use std::fs::File;
@@ -19,7 +19,7 @@ const TICK: Duration = Duration::from_millis(1);
 
 /// An opened log.
 #[derive(Debug)]
-pub(super) struct LogLink {
+pub(in crate::daemon) struct LogLink {
     name: String,
     reader: TlogReader<File>,
     pace: Pace,
@@ -41,10 +41,6 @@ impl LogLink {
         }
     }
 
-    pub(super) fn name(&self) -> &str {
-        &self.name
-    }
-
     /// Plays the log to its end, or until `stop`.
     ///
     /// A thread reads ahead, because reading a file blocks; it ends when this future is dropped.
@@ -53,8 +49,7 @@ impl LogLink {
         let (sender, mut items) = mpsc::channel(READ_AHEAD);
         std::thread::Builder::new().name("log reader".into()).spawn(move || read_all(reader, &sender))?;
         let mut pacer = Pacer::new(pace);
-        let origin = Origin { link: inlet.link(), peer: None };
-        let mut last_us = super::clock::unix_us();
+        let mut last_us = unix_us();
         loop {
             let item = tokio::select! {
                 () = stop.cancelled() => return Ok(()),
@@ -75,11 +70,11 @@ impl LogLink {
             }
             match item {
                 Some(Item::Frame { frame, .. }) => {
-                    inlet.take_played(Event::Frame(frame.as_ref()), origin, last_us).await;
+                    inlet.take_played(Event::Frame(frame.as_ref()), last_us).await;
                 }
                 Some(Item::Bad { bytes, reason, .. }) => {
                     let bad = BadFrame { bytes: &bytes, reason };
-                    inlet.take_played(Event::Bad(bad), origin, last_us).await;
+                    inlet.take_played(Event::Bad(bad), last_us).await;
                 }
                 Some(Item::Broken(error)) => return Err(error),
                 None => {
