@@ -67,3 +67,32 @@ fn bad_input_is_one_clear_error_and_exit_code_two() {
         assert!(out.stdout.is_empty());
     }
 }
+
+/// §5.2 of the cascade observer's paper: γ = 50, and gains within a fifth of the printed ones.
+#[test]
+fn the_cascade_observers_gains_with_their_norms() {
+    let cascade = |args: &[&str]| {
+        let mut command = Command::cargo_bin("mavobserver").unwrap();
+        command.args(["design", "cascade-gnss-ins"]).args(args).output().unwrap()
+    };
+    let out = cascade(&["--gamma", "50", "--gamma-n", "1.002", "--json"]);
+    assert!(out.status.success(), "{}", String::from_utf8_lossy(&out.stderr));
+    let v: Value = serde_json::from_slice(&out.stdout).unwrap();
+    let row = &v["rows"][0];
+    assert!(row["h_norm"]["upper"].as_f64().unwrap() < 50.0);
+    assert!(row["g_norm"]["upper"].as_f64().unwrap() <= 1.002 * (1.0 + 1e-6));
+    let printed = [[128.9, 17.5], [15.7, 2.4], [1.3, 0.2]];
+    for (ours, theirs) in matrix(&row["gain"]).iter().flatten().zip(printed.iter().flatten()) {
+        assert!((ours / theirs - 1.0).abs() <= 0.2, "{ours} against {theirs}");
+    }
+    for (args, code, expected) in [
+        (&["--plant", "velocity"][..], 2, "position-ground-velocity"),
+        (&["--gamma", "-1"], 2, "expected a positive number"),
+        (&["--plant", "position", "--gamma", "0.001", "--gamma-n", "1.01"], 1, "try a larger"),
+    ] {
+        let out = cascade(args);
+        let said = String::from_utf8_lossy(&out.stderr);
+        assert_eq!(out.status.code(), Some(code), "{args:?}: {said}");
+        assert!(said.contains(expected), "{args:?}: {said}");
+    }
+}

@@ -1,5 +1,5 @@
 use super::options::{OptionError, Options};
-use super::{Observer, quadratic_bounded, unknown_input, zonotopic_ekf};
+use super::{Observer, cascade_gnss_ins, quadratic_bounded, unknown_input, zonotopic_ekf};
 use crate::signal::Channel;
 use crate::vehicle::Vehicle;
 
@@ -25,8 +25,12 @@ pub struct Registration {
 pub type Builder = fn(&Vehicle, &mut Options) -> Result<Box<dyn Observer>, BuildError>;
 
 /// Every observer, one line each.
-pub const REGISTRY: &[Registration] =
-    &[quadratic_bounded::REGISTRATION, zonotopic_ekf::REGISTRATION, unknown_input::REGISTRATION];
+pub const REGISTRY: &[Registration] = &[
+    quadratic_bounded::REGISTRATION,
+    zonotopic_ekf::REGISTRATION,
+    cascade_gnss_ins::REGISTRATION,
+    unknown_input::REGISTRATION,
+];
 
 /// Why an observer could not be built.
 #[derive(Debug, thiserror::Error)]

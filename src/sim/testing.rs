@@ -42,7 +42,7 @@ pub(crate) fn quad() -> Vehicle {
             angular: [0.0; 3],
         },
         actuators: Actuators { source: OutputSource::ServoOutputRaw, at_zero: 1150.0, at_full: 1950.0 },
-        sensors: Sensors { accel_delay_s: 0.008, gyro_delay_s: 0.014 },
+        sensors: Sensors { accel_delay_s: 0.008, gyro_delay_s: 0.014, gnss_delay_s: 0.0 },
         noise: NoiseBounds {
             accel_mps2: [0.3; 3],
             accel_bias_mps2: [0.05; 3],

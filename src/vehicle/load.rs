@@ -274,6 +274,7 @@ fn sensors(t: &mut Table<'_>) -> Sensors {
     Sensors {
         accel_delay_s: number(t, "accel_delay_s", Limit::Within(0.0, 0.5), 0.0),
         gyro_delay_s: number(t, "gyro_delay_s", Limit::Within(0.0, 0.5), 0.0),
+        gnss_delay_s: number(t, "gnss_delay_s", Limit::Within(0.0, 1.0), 0.0),
     }
 }
 

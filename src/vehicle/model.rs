@@ -137,6 +137,8 @@ pub enum OutputSource {
 pub struct Sensors {
     pub accel_delay_s: f64,
     pub gyro_delay_s: f64,
+    /// By how much the stamp of a GNSS fix trails the instant it was true.
+    pub gnss_delay_s: f64,
 }
 
 /// Half-widths within which each measured quantity is declared to lie of its true value.

@@ -1,8 +1,8 @@
 //! Frames of an ArduPilot copter that hovers in still air, 50 Hz, for tests and benchmarks that need no log.
 
 use mavobserver::wire::dialect::ardupilotmega::{
-    ATTITUDE_DATA, HEARTBEAT_DATA, LOCAL_POSITION_NED_DATA, MavAutopilot, MavModeFlag, MavType, RAW_IMU_DATA,
-    SERVO_OUTPUT_RAW_DATA,
+    ATTITUDE_DATA, GPS_RAW_INT_DATA, GpsFixType, HEARTBEAT_DATA, LOCAL_POSITION_NED_DATA, MavAutopilot, MavModeFlag,
+    MavType, RAW_IMU_DATA, SERVO_OUTPUT_RAW_DATA,
 };
 use mavobserver::wire::{Encoder, FrameBuf};
 
@@ -37,7 +37,21 @@ pub fn frames(steps: u32) -> Vec<(u64, FrameBuf)> {
             ..Default::default()
         };
         out.push((received, e.encode(&servo)));
-        out.push((received, e.encode(&RAW_IMU_DATA { time_usec: us, zacc: -1000, ..Default::default() })));
+        if i % 10 == 0 {
+            let fix = GPS_RAW_INT_DATA {
+                time_usec: us,
+                fix_type: GpsFixType::GPS_FIX_TYPE_3D_FIX,
+                lat: -353_632_620,
+                lon: 1_491_652_370,
+                alt: 594_000,
+                ..Default::default()
+            };
+            out.push((received, e.encode(&fix)));
+        }
+        // the Earth's field at that place, with the nose to the north
+        let (xmag, ymag, zmag) = (228, 51, -527);
+        let imu = RAW_IMU_DATA { time_usec: us, zacc: -1000, xmag, ymag, zmag, ..Default::default() };
+        out.push((received, e.encode(&imu)));
     }
     out
 }

@@ -3,6 +3,7 @@
 //! One file per observer, each with its `Args` and a `run` that gives a [`Sheet`]; one line per observer in the table of
 //! subcommands and one in [`run`]. `options` holds what all of them take, `sheet` turns a sheet into text or JSON.
 
+mod cascade_gnss_ins;
 mod fuzzy_polynomial;
 mod options;
 mod quadratic_bounded;
@@ -14,7 +15,8 @@ const EXAMPLES: &str = "Examples:
   mavobserver design quadratic-bounded
   mavobserver design quadratic-bounded --alpha 0.1,1,10 --json
   mavobserver design quadratic-bounded --plant px4-sih --mu 0.2,0.95
-  mavobserver design fuzzy-polynomial --method all";
+  mavobserver design fuzzy-polynomial --method all
+  mavobserver design cascade-gnss-ins --gamma 50 --gamma-n 1.002";
 
 /// Design an observer and check the design
 #[derive(Debug, clap::Args)]
@@ -29,11 +31,13 @@ pub struct DesignArgs {
 enum Observer {
     QuadraticBounded(quadratic_bounded::Args),
     FuzzyPolynomial(fuzzy_polynomial::Args),
+    CascadeGnssIns(cascade_gnss_ins::Args),
 }
 
 pub fn run(args: &DesignArgs) -> Result<(), Failure> {
     match &args.observer {
         Observer::QuadraticBounded(a) => quadratic_bounded::run(a)?.deliver(&a.shared),
         Observer::FuzzyPolynomial(a) => fuzzy_polynomial::run(a)?.deliver(&a.shared),
+        Observer::CascadeGnssIns(a) => cascade_gnss_ins::run(a)?.deliver(&a.shared),
     }
 }

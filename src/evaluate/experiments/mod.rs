@@ -4,6 +4,7 @@
 //! limit that they must keep, and [`Trace`]s to be drawn. Imports what [`evaluate`](crate::evaluate) does.
 
 mod findings;
+mod grip;
 mod pham;
 
 pub use findings::{Figure, Findings, Limit, Trace};
@@ -18,7 +19,7 @@ pub struct Experiment {
 }
 
 /// All of them, one line each.
-pub const EXPERIMENTS: &[Experiment] = &[pham::EXPERIMENT];
+pub const EXPERIMENTS: &[Experiment] = &[grip::EXPERIMENT, pham::EXPERIMENT];
 
 /// Why an experiment gave no findings.
 #[derive(Debug, thiserror::Error)]

@@ -37,7 +37,7 @@ pub fn spectral_abscissa(m: &DMatrix<f64>) -> Option<f64> {
 }
 
 /// Largest singular value of `(jωI − F)⁻¹B`, through the real form of the complex system.
-fn gain_at(f: &DMatrix<f64>, b: &DMatrix<f64>, omega: f64) -> Option<f64> {
+pub fn gain_at(f: &DMatrix<f64>, b: &DMatrix<f64>, omega: f64) -> Option<f64> {
     let n = f.nrows();
     // (jωI − F)(x + jy) = b, for real b: −Fx − ωy = b, ωx − Fy = 0
     let mut m = DMatrix::zeros(2 * n, 2 * n);

@@ -43,5 +43,6 @@ pub(in crate::observers) use detect::unseen_motion;
 pub use filter::Filter;
 pub use online::WrenchObserver;
 pub use plant::{NoiseBlock, Plant, PlantError, SampledPlant, half_widths, projected, volume};
+pub(super) use riccati::stabilising;
 pub use sampled::{Certificate, DesignError, PartialStep, SampledDesign, choose_rate, design_sampled, step_nodes};
 pub use tradeoff::TradeOff;

@@ -30,7 +30,7 @@ use nalgebra::DMatrix;
 ///
 /// Structure-preserving doubling (Chu, Fan, Lin 2005), repeated in the coordinates that the last answer turns to the
 /// identity, until it stays there: entries of S span many powers of ten.
-pub(super) fn stabilising(a: &DMatrix<f64>, g: &DMatrix<f64>, h: &DMatrix<f64>) -> Option<DMatrix<f64>> {
+pub(in crate::observers) fn stabilising(a: &DMatrix<f64>, g: &DMatrix<f64>, h: &DMatrix<f64>) -> Option<DMatrix<f64>> {
     let n = a.nrows();
     let mut t = DMatrix::<f64>::identity(n, n);
     for _ in 0..10 {

@@ -132,7 +132,10 @@ pub(in crate::sim::feed) fn scaled_pressure(v: &View<'_>, w: &mut Writer) -> Out
     })
 }
 
-/// Speed and course only: the vertical velocity is not sent. The stamp is the instant of the fix.
+/// By how much ArduPilot's stamp of a fix trails the instant it was true, as recorded from it.
+const ARDUPILOT_FIX_DELAY_US: u64 = 90_000;
+
+/// Speed and course only: the vertical velocity is not sent. PX4 stamps the instant of the fix.
 pub(in crate::sim::feed) fn gps_raw_int(v: &View<'_>, w: &mut Writer) -> Out {
     let Some(fix) = &v.latest.fix else {
         return w.put(&mav::GPS_RAW_INT_DATA {
@@ -149,6 +152,10 @@ pub(in crate::sim::feed) fn gps_raw_int(v: &View<'_>, w: &mut Writer) -> Out {
     let velocity = &fix.velocity_ned_mps;
     // how long ago the fix was true, on whatever clock the autopilot has now
     let age_us = ((v.moment.truth.stamp - fix.stamp) * 1e6).max(0.0) as u64;
+    let age_us = match v.stack {
+        Stack::Px4 => age_us,
+        Stack::ArduPilot => age_us.saturating_sub(ARDUPILOT_FIX_DELAY_US),
+    };
     w.put(&mav::GPS_RAW_INT_DATA {
         time_usec: v.loop_us.saturating_sub(age_us) / 1000 * 1000,
         fix_type: mav::GpsFixType::GPS_FIX_TYPE_3D_FIX,
