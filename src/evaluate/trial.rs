@@ -4,6 +4,7 @@ use crate::pipeline::Snapshot;
 use crate::signal::{Estimate, Guarantee, Signal, Verdict};
 use nalgebra::Vector3;
 use std::collections::{BTreeMap, BTreeSet};
+use std::f64::consts::TAU;
 use std::time::Duration;
 
 /// Signals that belong together, such as the three of a force.
@@ -120,7 +121,9 @@ impl Trial {
             let (mut truth, mut guess) = (Vector3::zeros(), Vector3::zeros());
             for (axis, ((signal, value), half_width)) in group.iter().enumerate() {
                 let Some(exact) = track.value(signal.name, estimate.stamp) else { return };
-                let error = *value - exact;
+                // angles meet again after a turn
+                let turn = if signal.unit == "rad" { TAU } else { f64::INFINITY };
+                let error = wrapped(*value - exact, turn);
                 let claimed = if estimate.guarantee == Guarantee::None { f64::INFINITY } else { **half_width };
                 let entry = quantity.signals.entry(signal.name).or_insert_with(|| (signal.unit, Errors::default()));
                 entry.1.add(error, claimed);
@@ -139,12 +142,15 @@ impl Trial {
     /// Turns what was kept of the flight into settling times.
     pub(super) fn close(&mut self, changes: &[f64]) {
         for ((_, kind), quantity) in &mut self.quantities {
+            let series = std::mem::take(&mut quantity.series);
+            // what the flight changes on purpose; all else changes with every manoeuvre
             let least = match kind.as_str() {
+                "force" | "wind" => 0.5,
                 "torque" => 0.02,
-                _ => 0.5,
+                "mass" | "payload" => 0.1,
+                _ => continue,
             };
-            quantity.settling = settle(&quantity.series, changes, least);
-            quantity.series = Vec::new();
+            quantity.settling = settle(&series, changes, least);
         }
     }
 }
@@ -161,6 +167,11 @@ impl Conduct {
     pub fn us_per_step(&self) -> Option<f64> {
         (self.cost_ns > 0.0).then(|| self.cost_ns * 1e-3 / self.steps as f64)
     }
+}
+
+/// Within half a turn of 0.
+fn wrapped(error: f64, turn: f64) -> f64 {
+    if turn.is_finite() { error - turn * (error / turn).round() } else { error }
 }
 
 /// `force` of `force_n`.

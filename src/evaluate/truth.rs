@@ -5,7 +5,7 @@ use std::collections::VecDeque;
 type Reader = fn(&Truth) -> f64;
 
 /// What the truth can say of an estimated signal, by the signal's name.
-const KNOWN: [(&str, Reader); 9] = [
+const KNOWN: [(&str, Reader); 23] = [
     ("force_n", |t| t.residual_force_ned_n.x),
     ("force_e", |t| t.residual_force_ned_n.y),
     ("force_d", |t| t.residual_force_ned_n.z),
@@ -15,6 +15,20 @@ const KNOWN: [(&str, Reader); 9] = [
     ("wind_n", |t| t.wind_ned_mps.x),
     ("wind_e", |t| t.wind_ned_mps.y),
     ("wind_d", |t| t.wind_ned_mps.z),
+    ("mass_kg", |t| t.mass_kg),
+    ("payload_kg", |t| t.payload_kg),
+    ("velocity_n", |t| t.velocity_ned_mps.x),
+    ("velocity_e", |t| t.velocity_ned_mps.y),
+    ("velocity_d", |t| t.velocity_ned_mps.z),
+    ("position_n", |t| t.position_ned_m.x),
+    ("position_e", |t| t.position_ned_m.y),
+    ("position_d", |t| t.position_ned_m.z),
+    ("rate_x", |t| t.rate_frd_rads.x),
+    ("rate_y", |t| t.rate_frd_rads.y),
+    ("rate_z", |t| t.rate_frd_rads.z),
+    ("roll", |t| t.body_to_ned.euler_angles().0),
+    ("pitch", |t| t.body_to_ned.euler_angles().1),
+    ("yaw", |t| t.body_to_ned.euler_angles().2),
 ];
 
 /// True for signals that can be scored.
@@ -84,6 +98,7 @@ mod tests {
         assert_eq!(track.at(end.plus_secs(-1.0001)).unwrap().stamp, end.plus_secs(-1.0));
         assert!(track.at(end.plus_secs(0.1)).is_none() && track.at(Stamp::from_secs(-1.0)).is_none());
         assert_eq!(track.value("wind_n", end), Some(0.0));
+        assert_eq!((track.value("mass_kg", end), track.value("payload_kg", end)), (Some(1.0), Some(0.0)));
         assert_eq!(track.value("colour", end), None);
     }
 }

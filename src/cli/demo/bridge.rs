@@ -76,7 +76,8 @@ impl Bridge {
 /// The recordings in a directory, by name.
 fn logs(directory: &Path) -> Vec<PathBuf> {
     let entries = std::fs::read_dir(directory).into_iter().flatten().flatten().map(|e| e.path());
-    let mut found: Vec<_> = entries.filter(|p| p.extension().is_some_and(|e| e == "tlog")).collect();
+    let recording = |p: &PathBuf| p.extension().is_some_and(|e| e == "tlog" || e == "mcap");
+    let mut found: Vec<_> = entries.filter(recording).collect();
     found.sort();
     found
 }

@@ -362,6 +362,8 @@ impl Plant {
             rotors: self.rotors,
             rotor_speed_rads,
             rotor_count: n,
+            mass_kg: self.mass.mass_kg,
+            payload_kg: self.mass.mass_kg - model.mass_kg.nominal,
             voltage_v: s.voltage_v,
             current_a: self.config.battery.map_or(0.0, |b| b.current_a(m.load)),
             battery_left: self.config.battery.map_or(1.0, |b| b.remaining(s.used_as)),

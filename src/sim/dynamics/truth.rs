@@ -29,6 +29,9 @@ pub struct Truth {
     pub rotors: [f64; MAX_ROTORS],
     pub rotor_speed_rads: [f64; MAX_ROTORS],
     pub rotor_count: usize,
+    /// Of all that flies, and by how much that is more than the observers' model of the empty vehicle.
+    pub mass_kg: f64,
+    pub payload_kg: f64,
     pub voltage_v: f64,
     pub current_a: f64,
     /// Share of the charge.
