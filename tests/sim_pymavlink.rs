@@ -4,7 +4,8 @@
 use mavobserver::sim::scenario;
 use mavobserver::sim::{Run, RunOptions};
 use std::collections::BTreeMap;
-use std::process::Command;
+use std::io::{BufRead, BufReader};
+use std::process::{Command, Stdio};
 
 /// Prints `NAME COUNT` for every kind of message in the log, and fails on damage or on what it does not know.
 const READER: &str = r#"
@@ -18,14 +19,87 @@ for name, n in seen.items():
     print(name, n)
 "#;
 
-#[test]
-fn pymavlink_decodes_every_message_of_both_stacks() {
-    if !Command::new("python3").args(["-c", "import pymavlink"]).output().is_ok_and(|o| o.status.success()) {
+/// A ground station: lists the parameters, then arms and takes off. Prints how many parameters came of how many, by
+/// place in the list, the results of the commands, and the height reached.
+const STATION: &str = r#"
+import os, sys, time
+os.environ["MAVLINK20"] = "1"
+from pymavlink import mavutil
+link = mavutil.mavlink_connection("udpin:127.0.0.1:" + sys.argv[1], source_system=255)
+print("ready", flush=True)
+link.wait_heartbeat(timeout=30)
+link.param_fetch_all()
+places, count, end = set(), None, time.time() + 30
+while time.time() < end and (count is None or len(places) < count):
+    m = link.recv_match(type="PARAM_VALUE", blocking=True, timeout=1)
+    if m is not None:
+        count = m.param_count
+        places.add(m.param_index)
+print("parameters", len(places), count)
+def command(id, *params):
+    link.mav.command_long_send(link.target_system, 1, id, 0, *params)
+    ack = link.recv_match(type="COMMAND_ACK", blocking=True, timeout=10)
+    return ack.result if ack else None
+mav = mavutil.mavlink
+print("arm", command(mav.MAV_CMD_COMPONENT_ARM_DISARM, 1, 0, 0, 0, 0, 0, 0))
+print("interval", command(mav.MAV_CMD_SET_MESSAGE_INTERVAL, mav.MAVLINK_MSG_ID_GLOBAL_POSITION_INT, 100000, 0, 0, 0, 0, 0))
+print("takeoff", command(mav.MAV_CMD_NAV_TAKEOFF, 0, 0, 0, 0, 0, 0, 12))
+highest, end = 0, time.time() + 30
+while time.time() < end and highest < 11.5:
+    m = link.recv_match(type="GLOBAL_POSITION_INT", blocking=True, timeout=1)
+    if m is not None:
+        highest = max(highest, m.relative_alt / 1000)
+print("height", highest > 11.5)
+"#;
+
+fn pymavlink_is_here() -> bool {
+    let here = Command::new("python3").args(["-c", "import pymavlink"]).output().is_ok_and(|o| o.status.success());
+    if !here {
         eprintln!("SKIPPED: python3 with pymavlink is not here");
+    }
+    here
+}
+
+#[test]
+fn a_pymavlink_ground_station_lists_parameters_and_flies() {
+    if !pymavlink_is_here() {
         return;
     }
     let folder = tempfile::tempdir().unwrap();
-    for name in ["wind-steps", "px4-wind"] {
+    for stack in ["ardupilot", "px4"] {
+        let file = folder.path().join("idle.toml");
+        let text = "name = 'idle'\nvehicle = 'arducopter-sitl'\nduration_s = 900\n";
+        std::fs::write(&file, format!("{text}autopilot = '{stack}'\n")).unwrap();
+        let port = std::net::UdpSocket::bind("127.0.0.1:0").unwrap().local_addr().unwrap().port();
+        let mut station =
+            Command::new("python3").args(["-c", STATION, &port.to_string()]).stdout(Stdio::piped()).spawn().unwrap();
+        let mut lines = BufReader::new(station.stdout.take().unwrap()).lines().map(Result::unwrap);
+        assert_eq!(lines.next().as_deref(), Some("ready"));
+        let mut sim = Command::new(env!("CARGO_BIN_EXE_mavobserver"))
+            .args(["sim", "--speed", "10", "--quiet", "--link", &format!("udpout:127.0.0.1:{port}"), "-c"])
+            .arg(&file)
+            .stdout(Stdio::null())
+            .spawn()
+            .unwrap();
+        let said: Vec<String> = lines.collect();
+        sim.kill().unwrap();
+        sim.wait().unwrap();
+        assert!(station.wait().unwrap().success());
+        println!("{stack}: {}", said.join(", "));
+        let [parameters, commands @ ..] = &said[..] else { panic!("nothing said") };
+        let counts: Vec<&str> = parameters.split(' ').skip(1).collect();
+        assert!(counts[0] == counts[1] && counts[0].parse::<u32>().unwrap() > 50, "{stack}: {parameters}");
+        assert_eq!(commands, ["arm 0", "interval 0", "takeoff 0", "height True"], "{stack}");
+    }
+}
+
+#[test]
+fn pymavlink_decodes_every_message_of_both_stacks() {
+    if !pymavlink_is_here() {
+        return;
+    }
+    let folder = tempfile::tempdir().unwrap();
+    for name in ["wind-steps", "px4-wind", "hexa"] {
         let mut scenario = scenario::resolve(name).unwrap();
         // everything this stack has, not only what the scenario asks for
         scenario.streams = mavobserver::sim::feed::names().map(|n| (n.to_owned(), 10.0)).collect();

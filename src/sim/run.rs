@@ -48,6 +48,8 @@ pub struct Run {
 struct Unit {
     vehicle: SimVehicle,
     feed: Feed,
+    /// Its motors have run.
+    flown: bool,
     /// Frames on their way, once there has been trouble on the link.
     link: TroubledLink,
 }
@@ -73,6 +75,7 @@ impl Run {
             let vehicle = SimVehicle::new(&plan)?;
             Ok(Unit {
                 feed: Feed::new(config, &plan.model, &vehicle.now().readings),
+                flown: false,
                 link: TroubledLink::new(Random::new(plan.seed, plan.system, Part::Faults), IN_FLIGHT),
                 vehicle,
             })
@@ -116,9 +119,10 @@ impl Run {
         self.units.first().map_or(0.01, |u| u.vehicle.loop_s())
     }
 
-    /// True when the time is up, or every vehicle has flown its mission and stands on the ground again.
+    /// True when the time is up, or every vehicle has flown and stands on the ground again with nothing left to fly. One
+    /// without a mission waits for a ground station's commands.
     pub fn done(&self) -> bool {
-        let landed = |u: &Unit| u.vehicle.mission_done() && !u.vehicle.now().flight.armed();
+        let landed = |u: &Unit| u.flown && u.vehicle.mission_done() && !u.vehicle.now().flight.armed();
         self.now_s() >= self.duration_s || self.units.iter().all(landed)
     }
 
@@ -148,7 +152,7 @@ impl Run {
 
 impl Unit {
     fn advance(&mut self, index: u8, ground: &mut dyn FnMut(Received<'_>)) {
-        self.vehicle.advance();
+        self.flown |= self.vehicle.advance().flight.armed();
         let now_s = self.vehicle.now().truth.stamp.secs();
         let trouble = self.vehicle.faults().link();
         let link = &mut self.link;

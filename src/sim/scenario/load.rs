@@ -5,7 +5,7 @@ use crate::sim::control::Limits;
 use crate::sim::dynamics::Battery;
 use crate::sim::faults::{Fault, FaultKind};
 use crate::sim::feed::Stack;
-use crate::sim::sensors::SensorSuite;
+use crate::sim::sensors::{NoiseShape, SensorSuite};
 use crate::sim::{FlightPlan, NavigationSource};
 use crate::vehicle::{self, Vehicle};
 use std::collections::BTreeMap;
@@ -79,6 +79,13 @@ fn scenario(t: &mut Table<'_>, folder: &Path) -> Option<Scenario> {
             ("perfect", SensorChoice::Perfect),
         ])
     });
+    let noise = t.get("noise").map_or(Some(None), |v| {
+        v.one_of(&[
+            ("bounded", Some(NoiseShape::Truncated { sigmas: 3.0 })),
+            ("gaussian", Some(NoiseShape::Gaussian)),
+            ("uniform", Some(NoiseShape::Uniform)),
+        ])
+    });
     let navigation = t.get("navigation").map_or(Some(NavigationSource::Estimator), |v| {
         v.one_of(&[("estimator", NavigationSource::Estimator), ("truth", NavigationSource::Truth)])
     });
@@ -107,6 +114,7 @@ fn scenario(t: &mut Table<'_>, folder: &Path) -> Option<Scenario> {
         SensorChoice::Px4Sih => SensorSuite::px4_sih(&vehicle),
         SensorChoice::Perfect => SensorSuite::perfect(&vehicle),
     };
+    let suite = noise?.map_or(suite, |shape| suite.with_noise(shape));
     let (step_s, steps_per_loop) = stack.timing();
     let plan = FlightPlan {
         model: vehicle.clone(),

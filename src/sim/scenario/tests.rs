@@ -2,6 +2,7 @@ use super::*;
 use crate::document::Document;
 use crate::sim::control::Leg;
 use crate::sim::faults::FaultKind;
+use crate::sim::sensors::NoiseShape;
 use crate::sim::{FlightPlan, Run, RunOptions};
 use nalgebra::Vector3;
 use std::path::Path;
@@ -84,6 +85,28 @@ fn every_mistake_is_named_at_once() {
     assert!(issues("[[fault]]\nkind = 'gnss_lost'\nfrom_s = 5\nuntil_s = 4").contains("not after `from_s`"));
     assert!(issues("[vary]\nwind_share = [2, 1]").contains("wrong way round"));
     assert!(issues("mission = [{ leg = 'landd' }]").contains("did you mean \"land\"?"));
+}
+
+#[test]
+fn noise_has_the_shape_asked_for() {
+    let shape = |noise: &str| {
+        let text = format!("name = 'x'\nvehicle = 'px4-sih'\nduration_s = 10\n{noise}");
+        parse(&Document::new("x.toml", text), Path::new("")).unwrap().plan(0).sensors.gnss.shape
+    };
+    assert_eq!(shape(""), NoiseShape::Truncated { sigmas: 3.0 });
+    assert_eq!(shape("noise = 'gaussian'"), NoiseShape::Gaussian);
+    assert_eq!(shape("sensors = 'mems'\nnoise = 'bounded'"), NoiseShape::Truncated { sigmas: 3.0 });
+}
+
+#[test]
+fn without_a_mission_it_waits_for_orders_until_its_time_is_up() {
+    let text = "name = 'x'\nvehicle = 'px4-sih'\nduration_s = 2";
+    let scenario = parse(&Document::new("x.toml", text), Path::new("")).unwrap();
+    let mut run = Run::new(&scenario, &RunOptions::default()).unwrap();
+    while !run.done() {
+        run.advance(&mut |_| {});
+    }
+    assert!((run.now_s() - 2.0).abs() < 0.01);
 }
 
 #[test]

@@ -146,6 +146,17 @@ impl SensorSuite {
         s
     }
 
+    /// The same sensors with noise of another shape and the same standard deviation.
+    #[must_use]
+    pub fn with_noise(mut self, shape: NoiseShape) -> Self {
+        self.imu = self.imu.map(|imu| ImuSpec { shape, ..imu });
+        self.magnetometer.shape = shape;
+        self.barometer.shape = shape;
+        self.gnss.shape = shape;
+        self.rotor_speed.shape = shape;
+        self
+    }
+
     /// No noise, no bias, no delay, and GNSS as fast as it goes: to test everything behind the sensors.
     pub fn perfect(vehicle: &Vehicle) -> Self {
         let mut s = Self::within_bounds_of(vehicle);
