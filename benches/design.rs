@@ -1,6 +1,7 @@
 //! How long designs take: `cargo bench --bench design`.
 
 use criterion::{Criterion, criterion_group, criterion_main};
+use mavobserver::observers::fuzzy_polynomial::{Method, Options, Plant, design, front, paper as table};
 use mavobserver::observers::quadratic_bounded::{
     Cache, NoiseBlock, SampledPlant, choose_rates, design_continuous, design_sampled, paper, step_nodes,
 };
@@ -32,6 +33,17 @@ fn designs(c: &mut Criterion) {
     let cache = Cache::Directory(directory.clone());
     group.bench_function("one axis from the cache, proven anew", |b| {
         b.iter(|| cache.sampled(black_box(&axis()), 4.0, &nodes));
+    });
+    let rig = Plant::quanser();
+    for method in [Method::LinearDesign, Method::EightGains, Method::OneGain, Method::SumsOfSquares] {
+        let name = format!("fuzzy-polynomial, {} at 18", method.name());
+        group.bench_function(name, |b| b.iter(|| design(black_box(&rig), method, 18.0, Options::default())));
+    }
+    group.bench_function("fuzzy-polynomial, the table's 36 designs on all cores", |b| {
+        b.iter(|| front(black_box(&rig), &Method::ALL, &table::ALPHAS, Options::default(), |_, _| ()));
+    });
+    group.bench_function("fuzzy-polynomial, SOS-2G from the cache, proven anew", |b| {
+        b.iter(|| cache.sums_of_squares(black_box(&rig), 18.0, Options::default()));
     });
     group.finish();
     // best effort: the system clears it otherwise

@@ -8,6 +8,11 @@ fn design(args: &[&str]) -> std::process::Output {
     command.args(["design", "quadratic-bounded"]).args(args).output().unwrap()
 }
 
+fn rates(args: &[&str]) -> std::process::Output {
+    let mut command = Command::cargo_bin("mavobserver").unwrap();
+    command.args(["design", "fuzzy-polynomial"]).args(args).output().unwrap()
+}
+
 fn matrix(v: &Value) -> Vec<Vec<f64>> {
     serde_json::from_value(v.clone()).unwrap()
 }
@@ -93,6 +98,45 @@ fn the_cascade_observers_gains_with_their_norms() {
         let out = cascade(args);
         let said = String::from_utf8_lossy(&out.stderr);
         assert_eq!(out.status.code(), Some(code), "{args:?}: {said}");
+        assert!(said.contains(expected), "{args:?}: {said}");
+    }
+}
+
+#[test]
+fn the_fuzzy_polynomial_table_comes_as_one_json_object() {
+    let dir = tempfile::tempdir().unwrap();
+    let page = dir.path().join("front.html");
+    let out = rates(&["--method", "LM-D,SOS-2G", "--alpha", "14,18", "--json", "--plot", page.to_str().unwrap()]);
+    assert!(out.status.success(), "{}", String::from_utf8_lossy(&out.stderr));
+    let v: Value = serde_json::from_slice(&out.stdout).unwrap();
+    let rows = v["rows"].as_array().unwrap();
+    let of = |method: &str, alpha: f64| rows.iter().find(|r| r["method"] == method && r["alpha"] == alpha).unwrap();
+    for (method, alpha, published) in
+        [("LM-D", 14.0, 15.89), ("LM-D", 18.0, 20.9), ("SOS-2G", 14.0, 19.18), ("SOS-2G", 18.0, 24.26)]
+    {
+        let row = of(method, alpha);
+        assert!((row["value"].as_f64().unwrap() / published - 1.0).abs() < 1e-3, "{row}");
+        assert!(row["verified"] == true && row["margin"].as_f64().unwrap() > 0.0 && row["published"] == published);
+    }
+    let gains = of("SOS-2G", 18.0)["gains"].as_array().unwrap();
+    assert_eq!((gains.len(), matrix(&gains[0]["L"]).len(), matrix(&of("LM-D", 14.0)["P"]).len()), (2, 6, 6));
+    // what is judged on the plant may be chosen, the linear model's own promise may not
+    assert!(v["selected"].as_array().unwrap().iter().all(|r| r["method"] == "SOS-2G"));
+    assert_eq!(v["model"]["A"].as_array().unwrap().len(), 2);
+    let html = std::fs::read_to_string(page).unwrap();
+    assert!(html.contains("<svg") && html.contains("SOS-2G, α = 18") && html.contains("7×7"));
+}
+
+#[test]
+fn wrong_methods_and_files_are_usage_errors() {
+    for (args, expected) in [
+        (&["--method", "LM-X"][..], "one of LM-D, LM-A, TS-8GD"),
+        (&["--method", "LM-D", "--alpha", "9", "--plot", "x.png"], "name.svg or name.html"),
+        (&["--method", "LM-D", "--alpha", "9", "--data", "x.txt"], ".tlog or .csv"),
+    ] {
+        let out = rates(args);
+        let said = String::from_utf8_lossy(&out.stderr);
+        assert_eq!(out.status.code(), Some(2), "{args:?}: {said}");
         assert!(said.contains(expected), "{args:?}: {said}");
     }
 }

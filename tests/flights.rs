@@ -2,7 +2,8 @@
 //!
 //! The flights are not part of this repository: they are looked for in `$MAVOBSERVER_DATA` or `../shared/data`.
 
-use mavobserver::pipeline::{Event, Fleet, FleetSettings};
+use mavobserver::pipeline::{Event, Fleet, FleetSettings, ObserverSetting};
+use mavobserver::signal::Verdict;
 use mavobserver::vehicle;
 use mavobserver::wire::tlog::TlogReader;
 use mavobserver::wire::{self, FrameRef};
@@ -222,4 +223,73 @@ fn every_real_log_replays() {
             assert!(rows.is_empty(), "{name} holds no multirotor in flight");
         }
     }
+}
+
+/// Body rates without the gyro: error against `truth` (time, rate) per axis, °/s RMSE, and the share within the bound.
+fn gyro_free(
+    log: &Path,
+    preset: &str,
+    truth: impl Fn(f64, nalgebra::Vector3<f64>) -> Option<[f64; 3]>,
+) -> ([f64; 3], f64) {
+    let vehicle = Arc::new(vehicle::resolve(preset).expect("a preset"));
+    let observers = vec![ObserverSetting::named("fuzzy_polynomial")];
+    let mut fleet = Fleet::new(FleetSettings { observers, ..FleetSettings::standard(vehicle) }).expect("designs");
+    let mut reader = TlogReader::open(log).expect("a log");
+    let (mut squares, mut inside, mut count) = ([0.0; 3], 0_u32, 0_u32);
+    while let Some(record) = reader.next().expect("readable") {
+        let wire::Event::Frame(frame) = record.event else { continue };
+        fleet.frame(frame, record.received_unix_us.unwrap_or(0), &mut |event| {
+            let Event::Snapshot(s, m) = event else { return };
+            let Some(o) = s.observers.iter().find(|o| o.name == "fuzzy_polynomial") else { return };
+            if !matches!(o.estimate.verdict, Verdict::Consistent | Verdict::AssumptionViolated) {
+                return;
+            }
+            let Some(rate) = truth(s.stamp.secs(), m.imu.rate_frd_rads) else { return };
+            for i in 0..3 {
+                let error = o.estimate.values[i] - rate[i];
+                squares[i] += error * error;
+                inside += u32::from(error.abs() <= o.estimate.half_widths[i]);
+            }
+            count += 1;
+        });
+    }
+    assert!(count > 1000, "only {count} estimates");
+    let rmse = squares.map(|s: f64| (s / f64::from(count)).sqrt().to_degrees());
+    let share = f64::from(inside) / f64::from(3 * count);
+    println!("{}: {rmse:.2?} °/s RMSE, {share:.3} inside, {count} steps", log.display());
+    (rmse, share)
+}
+
+#[test]
+fn rates_without_the_gyro_on_a_simulated_copter() {
+    // the gyro of this simulator is nearly perfect: it is the truth, and the observer never sees it
+    for (file, most) in [("sitl/wind_dev.tlog", 6.0), ("sitl/wind_turb.tlog", 6.0)] {
+        let Some(log) = data(file) else { return };
+        let (rmse, share) = gyro_free(&log, "arducopter-sitl", |_, gyro| Some(gyro.into()));
+        assert!(rmse.iter().all(|e| *e <= most), "{file}: {rmse:?} °/s");
+        assert!(share >= 0.9, "{file}: {share} inside the bound of 95 %");
+    }
+}
+
+#[test]
+fn rates_without_the_gyro_on_a_simulated_px4_copter() {
+    let Some(log) = data("px4/wind_dev.tlog") else { return };
+    let text = std::fs::read_to_string(log.with_extension("truth.csv")).expect("readable");
+    let rates: Vec<[f64; 4]> = text
+        .lines()
+        .skip(1)
+        .filter_map(|l| {
+            let cells: Vec<f64> = l.split(',').map_while(|c| c.parse().ok()).collect();
+            Some([cells.first()? / 1e3, *cells.get(5)?, *cells.get(6)?, *cells.get(7)?])
+        })
+        .collect();
+    let at = |t: f64, _| {
+        let k = rates.partition_point(|r| r[0] < t);
+        let (a, b) = (rates.get(k.checked_sub(1)?)?, rates.get(k)?);
+        let share = (t - a[0]) / (b[0] - a[0]);
+        (b[0] - a[0] < 0.1).then(|| std::array::from_fn(|i| a[i + 1] + share * (b[i + 1] - a[i + 1])))
+    };
+    let (rmse, share) = gyro_free(&log, "px4-sih", at);
+    assert!(rmse.iter().all(|e| *e <= 6.0), "{rmse:?} °/s");
+    assert!(share >= 0.9, "{share} inside the bound of 95 %");
 }

@@ -1,5 +1,5 @@
 use super::options::{OptionError, Options};
-use super::{Observer, cascade_gnss_ins, quadratic_bounded, unknown_input, zonotopic_ekf};
+use super::{Observer, cascade_gnss_ins, fuzzy_polynomial, quadratic_bounded, unknown_input, zonotopic_ekf};
 use crate::signal::Channel;
 use crate::vehicle::Vehicle;
 
@@ -30,6 +30,7 @@ pub const REGISTRY: &[Registration] = &[
     zonotopic_ekf::REGISTRATION,
     cascade_gnss_ins::REGISTRATION,
     unknown_input::REGISTRATION,
+    fuzzy_polynomial::REGISTRATION,
 ];
 
 /// Why an observer could not be built.

@@ -1,13 +1,17 @@
+use super::data;
 use super::options::{Rates, Shared, matrix, progress};
-use super::sheet::Sheet;
+use super::sheet::{Compared, Sheet};
 use crate::cli::Failure;
 use crate::observers::fuzzy_polynomial::{
-    Design, DesignError, FITTED_RADIUS2, Gain, Method, Options, PRINTED_RADIUS2, Plant, front, paper, pareto,
+    Design, DesignError, FITTED_RADIUS2, Gain, Method, Options, PRINTED_RADIUS2, Plant, Record, front, paper, pareto,
+    ranked, rig,
 };
+use crate::report::{Colour, Figure, Panel};
 use crate::vehicle;
 use nalgebra::DMatrix;
 use serde_json::{Value, json};
 use std::fmt::Write;
+use std::path::PathBuf;
 
 const EXAMPLES: &str = "Examples:
   mavobserver design fuzzy-polynomial
@@ -37,12 +41,29 @@ pub struct Args {
     /// The paper's printed region, R² = 3(π/2)², instead of the one its table follows from
     #[arg(long, conflicts_with = "speed")]
     printed_region: bool,
+    /// Run every design on this experiment and choose the best: a flight (.tlog), or a CSV file with the columns t, phi,
+    /// theta, psi, u1, u2, u3, momentum and, where the speeds are known, p, q, r
+    #[arg(long, value_name = "LOG", conflicts_with = "experiment")]
+    data: Option<PathBuf>,
+    /// Run every design on the paper's experiment in software, as printed or with fast manoeuvres
+    #[arg(long, value_name = "printed|fast")]
+    experiment: Option<Trial>,
     /// Let the gains of SOS-2G depend linearly on the estimated speeds
     #[arg(long)]
     polynomial_gains: bool,
 }
 
 const PAPER_PLANT: &str = "quanser-3dof";
+
+/// The experiment of section 5.2.1.
+#[derive(Debug, Clone, Copy, clap::ValueEnum)]
+enum Trial {
+    Printed,
+    Fast,
+}
+
+/// Start of an experiment that is not scored, s: the observers start at rest.
+const SETTLING_S: f64 = 2.0;
 
 /// One name of `--method`.
 #[derive(Debug, Clone, Copy)]
@@ -87,11 +108,30 @@ pub fn run(args: &Args) -> Result<Sheet, Failure> {
         bar.inc(1);
     });
     bar.finish_and_clear();
-    let report = Report { name, plant, alphas, methods, made };
+    let record = match (&args.data, args.experiment) {
+        (Some(path), _) => Some(data::read(path, args.shared.plant.as_deref(), plant.dt_s)?),
+        (None, Some(Trial::Printed)) => Some(rig::Experiment::printed().record(&plant)),
+        (None, Some(Trial::Fast)) => Some(rig::Experiment::fast().record(&plant)),
+        (None, None) => None,
+    };
+    let report = Report { name, ranking: ranking(&plant, &made, record.as_ref())?, plant, alphas, methods, made };
     if let [(_, _, Err(only))] = report.made.as_slice() {
         return Err(only.clone().into());
     }
     Ok(report.sheet())
+}
+
+/// Table 2.
+pub fn published() -> Result<Sheet, Failure> {
+    let (methods, alphas) = (Method::ALL.to_vec(), paper::ALPHAS.to_vec());
+    let plant = Plant::quanser();
+    let bar = progress(methods.len() * alphas.len());
+    let made = front(&plant, &methods, &alphas, Options::default(), |_, _| bar.inc(1));
+    bar.finish_and_clear();
+    if let Some((_, _, Err(e))) = made.iter().find(|m| m.2.is_err()) {
+        return Err(e.clone().into());
+    }
+    Ok(Report { name: PAPER_PLANT, plant, alphas, methods, made, ranking: Vec::new() }.sheet())
 }
 
 fn plant(name: &str, args: &Args) -> Result<Plant, Failure> {
@@ -107,13 +147,26 @@ fn plant(name: &str, args: &Args) -> Result<Plant, Failure> {
     Ok(plant)
 }
 
+/// Methodology II–V: (index of a design, its ISE), the best first.
+fn ranking(plant: &Plant, made: &[Made], record: Option<&Record>) -> Result<Vec<(usize, f64)>, Failure> {
+    let Some(record) = record else { return Ok(Vec::new()) };
+    let designs = || made.iter().filter_map(|m| m.2.as_ref().ok());
+    let place = |d: &Design| made.iter().position(|m| m.2.as_ref().is_ok_and(|o| std::ptr::eq(o, d))).unwrap_or(0);
+    let ranked = ranked(plant, designs(), record, SETTLING_S).map_err(|e| Failure::Failed(e.to_string()))?;
+    Ok(ranked.into_iter().map(|(d, ise)| (place(d), ise)).collect())
+}
+
+/// A cell of the table.
+type Made = (Method, f64, Result<Design, DesignError>);
+
 /// What was asked for and what came of it.
 struct Report<'a> {
     name: &'a str,
     plant: Plant,
     alphas: Vec<f64>,
     methods: Vec<Method>,
-    made: Vec<(Method, f64, Result<Design, DesignError>)>,
+    made: Vec<Made>,
+    ranking: Vec<(usize, f64)>,
 }
 
 impl Report<'_> {
@@ -129,27 +182,71 @@ impl Report<'_> {
             "premise_speed_rads": p.premise_speed, "sigma": p.mismatch,
         });
         let judged: Vec<Design> = self.designs().filter(|d| d.method.is_judged_on_the_plant()).cloned().collect();
-        let best = pareto(&judged).into_iter().map(|d| self.row(d)).collect();
+        let best = match self.ranking.first() {
+            Some(&(k, _)) => vec![self.any_row(&self.made[k])],
+            None => pareto(&judged).into_iter().map(|d| self.row(d)).collect(),
+        };
         Sheet {
             observer: "fuzzy-polynomial",
             plant: self.name.to_owned(),
             more: [("model".to_owned(), model)].into_iter().collect(),
-            rows: self.made.iter().map(|(m, alpha, d)| self.any_row(*m, *alpha, d)).collect(),
+            rows: self.made.iter().map(|m| self.any_row(m)).collect(),
             selected: best,
             text: self.text(),
+            paper: "Pitarch, Sala: Multicriteria fuzzy-polynomial observer design for a 3DoF nonlinear electromechanical \
+                    platform (2014)",
+            figures: vec![(
+                self.figure(),
+                "The front: lower is better, further right is faster. Dots are published.".into(),
+            )],
+            compared: self.compared(),
+            corrections: paper::CORRECTIONS,
         }
+    }
+
+    fn figure(&self) -> Figure {
+        let mut panel = Panel::new("Bound on the error's gain, 1000·√γ", "").log_y().height(320);
+        for (k, &m) in self.methods.iter().enumerate() {
+            let of = || self.designs().filter(move |d| d.method == m);
+            panel = panel.line(m.name(), Colour::nth(k + 1), of().map(|d| [d.alpha, d.table_value()]));
+            let published: Vec<[f64; 2]> = of().filter_map(|d| Some([d.alpha, self.published(m, d.alpha)?])).collect();
+            if !published.is_empty() {
+                panel = panel.points("", Colour::nth(k + 1), published);
+            }
+        }
+        Figure::new(format!("Designs for {}", self.name)).x("decay rate α", "1/s").panel(panel)
+    }
+
+    fn compared(&self) -> Vec<Compared> {
+        let one = |d: &Design| {
+            let tolerance = match d.method {
+                Method::LinearAnalysis => 0.03,
+                Method::EightGains | Method::OneGain => 5e-4,
+                _ => 1e-3,
+            };
+            let reference = Some(self.published(d.method, d.alpha)?);
+            let what = format!("{}, α = {}", d.method.name(), d.alpha);
+            Some(Compared { what, ours: d.table_value(), reference, tolerance })
+        };
+        self.designs().filter_map(one).collect()
     }
 
     fn designs(&self) -> impl Iterator<Item = &Design> {
         self.made.iter().filter_map(|(_, _, d)| d.as_ref().ok())
     }
 
-    fn any_row(&self, method: Method, alpha: f64, made: &Result<Design, DesignError>) -> Value {
+    fn any_row(&self, (method, alpha, made): &Made) -> Value {
         match made {
             Ok(d) => self.row(d),
             // an empty cell of the table says why
             Err(e) => json!({ "method": method.name(), "alpha": alpha, "verified": false, "error": e.to_string() }),
         }
+    }
+
+    /// The ISE of a design on the experiment, rad²/s.
+    fn ise(&self, d: &Design) -> Option<f64> {
+        let of = |k: usize| self.made[k].2.as_ref().is_ok_and(|o| std::ptr::eq(o, d));
+        self.ranking.iter().find(|(k, _)| of(*k)).map(|r| r.1)
     }
 
     fn row(&self, d: &Design) -> Value {
@@ -166,6 +263,9 @@ impl Report<'_> {
         });
         if let Some(published) = self.published(d.method, d.alpha) {
             row["published"] = json!(published);
+        }
+        if let Some(ise) = self.ise(d) {
+            row["ise"] = json!(ise);
         }
         row
     }
@@ -206,6 +306,12 @@ impl Report<'_> {
                 write!(out, "{:<8}", "  paper")?;
                 printed.iter().try_for_each(|v| write!(out, "{v:>9}"))?;
                 writeln!(out)?;
+            }
+        }
+        if !self.ranking.is_empty() {
+            writeln!(out, "\nintegral square error on the experiment, rad²/s: the best first")?;
+            for (k, ise) in self.ranking.iter().take(10) {
+                writeln!(out, "{:>12.4e}  {} at α = {}", ise, self.made[*k].0.name(), self.made[*k].1)?;
             }
         }
         refused.iter().try_for_each(|e| writeln!(out, "\n{e}"))?;

@@ -3,6 +3,7 @@
 use indicatif::{ProgressBar, ProgressStyle};
 use nalgebra::DMatrix;
 use serde_json::Value;
+use std::path::PathBuf;
 
 /// Options of every design.
 #[derive(Debug, clap::Args)]
@@ -13,6 +14,9 @@ pub struct Shared {
     /// Print one JSON object
     #[arg(long)]
     pub json: bool,
+    /// Write the first picture as SVG, or all of them on one HTML page
+    #[arg(long, value_name = "FILE.svg|.html")]
+    pub plot: Option<PathBuf>,
 }
 
 /// Convergence rates; for the observers that have one.

@@ -1,9 +1,12 @@
 use super::options::{Rates, Shared, matrix, positive, progress, share, three};
-use super::sheet::Sheet;
+use super::sheet::{Compared, Sheet};
 use crate::cli::Failure;
 use crate::observers::quadratic_bounded::{
-    ContinuousDesign, DesignError, Plant, TradeOff, choose_rates, declared_plant, design_continuous, paper,
+    ContinuousDesign, DesignError, Plant, TradeOff, choose_rates, declared_plant, design_continuous, front, paper,
+    projected,
 };
+use crate::report::{Colour, Figure, Panel};
+use crate::sdp::in_parallel;
 use crate::vehicle;
 use nalgebra::DMatrix;
 use serde_json::{Map, Value, json};
@@ -55,6 +58,8 @@ struct Report<'a> {
     trade_off: Option<TradeOff>,
     /// (μ, design).
     selected: Vec<(f64, ContinuousDesign)>,
+    /// (α, volume) for the pictures; may be empty.
+    front: Vec<(f64, f64)>,
 }
 
 pub fn run(args: &Args) -> Result<Sheet, Failure> {
@@ -85,7 +90,50 @@ pub fn run(args: &Args) -> Result<Sheet, Failure> {
         rows = selected.iter().map(|(_, d)| d.clone()).collect();
     }
     bar.finish_and_clear();
-    Ok(Report { name, order, plant, rows, trade_off, selected }.sheet())
+    let front = if args.shared.plot.is_some() { front(&plant, args.fastest, FRONT)? } else { Vec::new() };
+    Ok(Report { name, order, plant, rows, trade_off, selected, front }.sheet())
+}
+
+/// Rates of a drawn front.
+const FRONT: usize = 120;
+/// Rates up to which the paper looks, 1/s.
+const FASTEST: f64 = 20.0;
+
+/// Volumes that an independent solution of (31) gives for the paper's plant; the paper itself only draws them.
+const REFERENCE: [(f64, f64); 6] =
+    [(0.05, 0.0329), (0.1, 0.01032), (0.17, 0.00726), (1.0, 0.7596), (2.0, 14.14), (10.0, 2659.9)];
+
+/// The paper's section 4: Figs. 4 to 6.
+pub fn published() -> Result<Sheet, Failure> {
+    let order = paper::PAPER_ORDER;
+    let plant = paper::hummingbird(order);
+    let rates: Vec<f64> = REFERENCE.iter().map(|r| r.0).collect();
+    let rows =
+        in_parallel(&rates, |&alpha| design_continuous(&plant, alpha)).into_iter().collect::<Result<Vec<_>, _>>()?;
+    let mus = [0.95, 0.2];
+    let (ends, chosen) = choose_rates(&plant, FASTEST, &mus)?;
+    let mut selected = Vec::new();
+    for (mu, alpha) in mus.into_iter().zip(chosen) {
+        selected.push((mu, design_continuous(&plant, alpha)?));
+    }
+    let front = front(&plant, FASTEST, FRONT)?;
+    let compared = |what: String, ours, reference| Compared { what, ours, reference: Some(reference), tolerance: 0.01 };
+    let mut table: Vec<Compared> =
+        rows.iter().zip(REFERENCE).map(|(d, (alpha, v))| compared(format!("Vol({alpha})"), d.volume, v)).collect();
+    table.push(compared("α of the smallest volume".into(), ends.smallest.0, 0.173));
+    table.push(Compared { tolerance: 0.02, ..compared("α for μ = .95".into(), selected[0].1.alpha, 2.77) });
+    table.push(Compared { tolerance: 0.02, ..compared("Vol for μ = .95".into(), selected[0].1.volume, 45.8) });
+    table.push(compared("α for μ = .2".into(), selected[1].1.alpha, FASTEST));
+    let report = Report {
+        name: PAPER_PLANT,
+        order: order as u8,
+        plant: plant.clone(),
+        rows,
+        trade_off: Some(ends),
+        selected,
+        front,
+    };
+    Ok(Sheet { compared: table, ..report.sheet() })
 }
 
 /// The plant and its order.
@@ -127,7 +175,69 @@ impl Report<'_> {
             rows: self.rows.iter().map(|d| Value::Object(self.row(d))).collect(),
             selected: self.selected.iter().map(chosen).collect(),
             text: self.text(),
+            paper: "Cayero, Rotondo, Morcego, Puig: Optimal state observation using quadratic boundedness: application to \
+                    UAV disturbance estimation (2019)",
+            figures: self.figures(),
+            corrections: paper::CORRECTIONS,
+            ..Sheet::default()
         }
+    }
+
+    /// Figs. 4 to 6 of the paper, and the ellipsoids.
+    fn figures(&self) -> Vec<(Figure, String)> {
+        let mut all = Vec::new();
+        if let (Some(t), false) = (self.trade_off.or_else(|| TradeOff::of(&self.front)), self.front.is_empty()) {
+            let rate = |title: &str| Figure::new(title).x("convergence rate α", "1/s").log_x();
+            let at = self.rows.iter().chain(self.selected.iter().map(|s| &s.1));
+            let volume = Panel::new("Volume of the ellipsoid of the wrench's error", "N³(N m)³")
+                .log_y()
+                .line("smallest at this rate", Colour::Blue, self.front.iter().map(|&(a, v)| [a, v]))
+                .points("designs, verified", Colour::Orange, at.map(|d| [d.alpha, d.volume]));
+            let cost = [0.05, 0.2, 0.5, 0.8, 0.95, 0.99].into_iter().enumerate().fold(
+                Panel::new("Cost J_μ (eq. 25)", "").range_y(0.0, 1.0),
+                |panel, (k, mu)| {
+                    let line = self.front.iter().map(move |&(a, v)| [a, t.cost(mu, (a, v))]);
+                    panel.line(format!("μ = {mu}"), Colour::nth(k + 1), line)
+                },
+            );
+            all.push((
+                rate("Volume and cost by convergence rate").panel(volume).panel(cost),
+                "The paper's Figs. 4 and 5: what a faster observer costs.".to_owned(),
+            ));
+            let chosen: Vec<(f64, (f64, f64))> = (0..=100)
+                .filter_map(|k| Some((f64::from(k) * 0.01, t.choose(f64::from(k) * 0.01, &self.front)?)))
+                .collect();
+            let rate = Panel::new("Chosen rate", "1/s").line("", Colour::Blue, chosen.iter().map(|c| [c.0, c.1.0]));
+            let volume = Panel::new("Its volume", "N³(N m)³").log_y().line(
+                "",
+                Colour::Blue,
+                chosen.iter().map(|c| [c.0, c.1.1]),
+            );
+            all.push((
+                Figure::new("Choice by μ").x("μ: from fast to tight", "").panel(rate).panel(volume),
+                "The paper's Fig. 6.".to_owned(),
+            ));
+        }
+        let designs: Vec<&ContinuousDesign> = if self.selected.is_empty() {
+            self.rows.iter().collect()
+        } else {
+            self.selected.iter().map(|s| &s.1).collect()
+        };
+        for (title, unit, [i, j]) in [("Force", "N", [0, 1]), ("Torque", "N m", [3, 4])] {
+            let panel =
+                designs.iter().enumerate().fold(Panel::new(title, unit).equal().height(320), |panel, (k, d)| {
+                    let label = format!("α = {}", three(d.alpha));
+                    panel.outline(label, Colour::nth(k + 1), shadow(d, i, j))
+                });
+            all.push((
+                Figure::new("").x(format!("{title} along x"), unit).panel(panel.clone()),
+                format!(
+                    "Shadow of the error's ellipsoid on {} x and y: where it ends when all disturbances stay bounded.",
+                    title.to_lowercase()
+                ),
+            ));
+        }
+        all
     }
 
     /// A and C are the plant's; the observer's own matrix is `closed_loop` = A + gain·C.
@@ -186,6 +296,19 @@ impl Report<'_> {
         }
         Ok(())
     }
+}
+
+/// Outline of the ellipsoid of z seen along all axes but two.
+fn shadow(d: &ContinuousDesign, i: usize, j: usize) -> Vec<[f64; 2]> {
+    let pick = DMatrix::from_fn(2, d.p_z.ncols(), |r, c| if c == [i, j][r] { 1.0 } else { 0.0 });
+    // {v: vᵀMv ≤ 1} is the image of the unit circle under L⁻ᵀ, M = L·Lᵀ
+    let root = projected(&d.p_z, &pick).and_then(|m| m.cholesky()).and_then(|c| c.l().transpose().try_inverse());
+    let Some(root) = root else { return Vec::new() };
+    let point = |k: u32| {
+        let (sin, cos) = (f64::from(k) * std::f64::consts::TAU / 90.0).sin_cos();
+        [root[(0, 0)] * cos + root[(0, 1)] * sin, root[(1, 0)] * cos + root[(1, 1)] * sin]
+    };
+    (0..90).map(point).collect()
 }
 
 #[cfg(test)]

@@ -48,6 +48,7 @@ struct Record {
     gain: Rows,
     by_speed: Vec<Rows>,
     gamma: f64,
+    speed_factor: f64,
     p: Rows,
     certificates: Vec<CertificateRecord>,
 }
@@ -65,6 +66,7 @@ impl Record {
             gain: Rows::of(&numbers.constant),
             by_speed: numbers.by_speed.iter().map(Rows::of).collect(),
             gamma: numbers.gamma,
+            speed_factor: numbers.speed_factor,
             p: Rows::of(&numbers.p),
             certificates: numbers.certificates.iter().map(certificate).collect(),
         }
@@ -85,13 +87,15 @@ impl Record {
             let multipliers = c.multipliers.iter().map(blocks).collect::<Option<_>>()?;
             Some(Certificate { rest: blocks(&c.rest)?, multipliers })
         };
-        if !(self.gamma > 0.0 && self.gamma.is_finite()) || self.by_speed.len() > 3 {
+        let positive = |x: f64| x > 0.0 && x.is_finite();
+        if !positive(self.gamma) || !positive(self.speed_factor) || self.by_speed.len() > 3 {
             return None;
         }
         Some(Numbers {
             constant: self.gain.matrix(6, 3)?,
             by_speed: self.by_speed.iter().map(|l| l.matrix(6, 3)).collect::<Option<_>>()?,
             gamma: self.gamma,
+            speed_factor: self.speed_factor,
             p: self.p.matrix(6, 6)?,
             certificates: self.certificates.iter().map(certificate).collect::<Option<_>>()?,
         })

@@ -39,10 +39,6 @@ pub(super) fn design(plant: &Plant, method: Method, alpha: f64) -> Result<Design
     Ok(Design { method, alpha, gain_bound: found.gamma.sqrt(), gains, p: found.p, margin, solve_s: found.solve_s })
 }
 
-fn seeds(method: Method) -> &'static [Signs] {
-    if method == Method::LinearDesign { &[[0.0; 3]] } else { &SEEDS }
-}
-
 fn model(plant: &Plant, method: Method, [u, x2, x4]: Signs) -> DMatrix<f64> {
     let a = if method == Method::LinearDesign {
         plant.linear(0.0)
@@ -70,52 +66,143 @@ fn block_gain(problem: &mut Problem) -> Affine {
     Affine::block(&rows)
 }
 
-/// Minimises γ over (20)–(23) at the seeds; the changes of sign give the other vertices.
-fn solve(plant: &Plant, method: Method, alpha: f64) -> Result<Found, DesignError> {
-    let units = Units::of(plant, alpha);
-    let t2 = units.t() * units.t();
-    let (c, weights) = (units.outputs(), units.weights(plant));
-    let driven = units.rows_from_state(&plant.driven());
-    let sigma2 = if method == Method::LinearDesign { 0.0 } else { plant.mismatch * plant.mismatch };
-    let contracted = (-2.0 * alpha * plant.dt_s).exp();
+/// The plant's matrices in scaled units, or those of one axis.
+struct Scaled {
+    c: DMatrix<f64>,
+    /// D.
+    weights: DMatrix<f64>,
+    /// T·Q.
+    driven: DMatrix<f64>,
+    /// σ²·T², with T the units of the state.
+    mismatch: Option<DMatrix<f64>>,
+    units2: DMatrix<f64>,
+    /// e^{−2αT}.
+    contracted: f64,
+}
 
-    let mut problem = Problem::new();
-    let p = block_diagonal(&mut problem);
-    let gamma = problem.scalar();
-    let tau = if sigma2 > 0.0 { [problem.scalar(), problem.scalar()] } else { [(); 2].map(|()| Affine::zeros(1, 1)) };
-    problem.positive("(20)", &p);
-    let common = (method != Method::EightGains).then(|| block_gain(&mut problem));
-    let mut hs = Vec::new();
-    for &seed in seeds(method) {
-        let a = units.matrix(&model(plant, method, seed));
-        let h = common.clone().unwrap_or_else(|| problem.matrix(6, 3));
-        let step = &p * &a - &h * &c;
+impl Scaled {
+    fn of(plant: &Plant, units: &Units, alpha: f64, mismatch: bool) -> Self {
+        let units2 = units.t() * units.t();
+        Self {
+            c: units.outputs(),
+            weights: units.weights(plant),
+            driven: units.rows_from_state(&plant.driven()),
+            mismatch: (mismatch && plant.mismatch > 0.0).then(|| &units2 * plant.mismatch.powi(2)),
+            units2,
+            contracted: (-2.0 * alpha * plant.dt_s).exp(),
+        }
+    }
+
+    /// The rows and columns of one axis.
+    fn axis(&self, axis: usize) -> Self {
+        let part = |m: &DMatrix<f64>, at, size| m.view(at, size).into_owned();
+        let at = 2 * axis;
+        Self {
+            c: part(&self.c, (axis, at), (1, 2)),
+            weights: part(&self.weights, (at, at), (2, 2)),
+            driven: part(&self.driven, (at, axis), (2, 1)),
+            mismatch: self.mismatch.as_ref().map(|m| part(m, (at, at), (2, 2))),
+            units2: part(&self.units2, (at, at), (2, 2)),
+            contracted: self.contracted,
+        }
+    }
+
+    /// (21), (22) and (23) for a vertex A with H = PL.
+    fn require(
+        &self,
+        problem: &mut Problem,
+        a: &DMatrix<f64>,
+        p: &Affine,
+        h: &Affine,
+        gamma: &Affine,
+        tau: &[Affine; 2],
+    ) {
+        let (n, w, v) = (a.nrows(), self.driven.ncols(), self.c.nrows());
+        let step = p * a - h * &self.c;
+        let kept =
+            |corner: Affine, tau: &Affine| self.mismatch.as_ref().map_or(corner.clone(), |m| corner - tau.times(m));
         let mut dissipation = vec![
-            vec![&p - weights.transpose() * &weights - tau[0].times(&(&t2 * sigma2))],
+            vec![kept(p - self.weights.transpose() * &self.weights, &tau[0])],
             vec![step.clone(), p.clone()],
-            vec![Affine::zeros(3, 6), (&p * &driven).transpose(), gamma.times_identity(3)],
-            vec![Affine::zeros(3, 6), -h.transpose(), Affine::zeros(3, 3), gamma.times_identity(3)],
+            vec![Affine::zeros(w, n), (p * &self.driven).transpose(), gamma.times_identity(w)],
+            vec![Affine::zeros(v, n), -h.transpose(), Affine::zeros(v, w), gamma.times_identity(v)],
         ];
-        let mut decay = vec![vec![contracted * &p - tau[1].times(&(&t2 * sigma2))], vec![step.clone(), p.clone()]];
-        if sigma2 > 0.0 {
+        let mut decay = vec![vec![kept(self.contracted * p, &tau[1])], vec![step.clone(), p.clone()]];
+        if self.mismatch.is_some() {
             // the mismatch enters each state in its own unit
-            let none = || Affine::zeros(6, 3);
-            dissipation.push(vec![Affine::zeros(6, 6), p.clone(), none(), none(), tau[0].times(&t2)]);
-            decay.push(vec![Affine::zeros(6, 6), p.clone(), tau[1].times(&t2)]);
+            let (none_w, none_v) = (Affine::zeros(n, w), Affine::zeros(n, v));
+            dissipation.push(vec![Affine::zeros(n, n), p.clone(), none_w, none_v, tau[0].times(&self.units2)]);
+            decay.push(vec![Affine::zeros(n, n), p.clone(), tau[1].times(&self.units2)]);
         }
         problem.positive_by("(21)", Affine::symmetric_block(&dissipation), MARGIN);
         problem.positive_by("(22)", Affine::symmetric_block(&decay), MARGIN);
         problem.positive_by("(23)", step.plus_transpose(), MARGIN);
+    }
+}
+
+/// L̃ = P̃⁻¹·H̃.
+fn gain_of(method: Method, alpha: f64, p: &DMatrix<f64>, h: &DMatrix<f64>) -> Result<DMatrix<f64>, DesignError> {
+    let not_verified =
+        || DesignError::NotVerified { method: method.name(), alpha, what: "P", margin: verify::margin(p) };
+    Ok(p.clone().cholesky().ok_or_else(not_verified)?.solve(h))
+}
+
+/// LM-D: nothing couples the axes of the linear model, so each has a program of its own, and γ is the largest of three.
+fn solve_linear(plant: &Plant, alpha: f64) -> Result<Found, DesignError> {
+    let method = Method::LinearDesign;
+    let units = Units::of(plant, alpha, 1.0);
+    let all = Scaled::of(plant, &units, alpha, false);
+    let a = units.matrix(&model(plant, method, [0.0; 3]));
+    let (mut p, mut l) = (DMatrix::zeros(6, 6), DMatrix::zeros(6, 3));
+    let (mut gamma, mut solve_s) = (0.0_f64, 0.0);
+    for axis in 0..3 {
+        let at = 2 * axis;
+        let a = a.view((at, at), (2, 2)).into_owned();
+        let mut problem = Problem::new();
+        let (p_axis, h, g) = (problem.symmetric(2), problem.matrix(2, 1), problem.scalar());
+        let none = [Affine::zeros(1, 1), Affine::zeros(1, 1)];
+        all.axis(axis).require(&mut problem, &a, &p_axis, &h, &g, &none);
+        problem.minimize(&g);
+        let s = problem.solve(&SETTINGS)?.best().map_err(|e| DesignError::refusal(method, alpha, &e))?;
+        let found = s.value(&p_axis);
+        l.view_mut((at, axis), (2, 1)).copy_from(&gain_of(method, alpha, &found, &s.value(&h))?);
+        p.view_mut((at, at), (2, 2)).copy_from(&found);
+        gamma = gamma.max(s.value(&g)[(0, 0)]);
+        solve_s += s.seconds;
+    }
+    let d2 = units.weight * units.weight;
+    let gains = vec![units.gain_back(&l)];
+    Ok(Found { gains, p: units.lyapunov_back(&p), gamma: gamma * d2, multipliers: [0.0; 2], solve_s })
+}
+
+/// Minimises γ over (20)–(23) at the seeds; the changes of sign give the other vertices.
+fn solve(plant: &Plant, method: Method, alpha: f64) -> Result<Found, DesignError> {
+    if method == Method::LinearDesign {
+        return solve_linear(plant, alpha);
+    }
+    let units = Units::of(plant, alpha, 1.0);
+    let scaled = Scaled::of(plant, &units, alpha, true);
+    let mut problem = Problem::new();
+    let p = block_diagonal(&mut problem);
+    let gamma = problem.scalar();
+    let tau = match scaled.mismatch {
+        Some(_) => [problem.scalar(), problem.scalar()],
+        None => [Affine::zeros(1, 1), Affine::zeros(1, 1)],
+    };
+    let common = (method == Method::OneGain).then(|| block_gain(&mut problem));
+    let mut hs = Vec::new();
+    for seed in SEEDS {
+        let h = common.clone().unwrap_or_else(|| problem.matrix(6, 3));
+        scaled.require(&mut problem, &units.matrix(&model(plant, method, seed)), &p, &h, &gamma, &tau);
         hs.push(h);
     }
     problem.minimize(&gamma);
     let s = problem.solve(&SETTINGS)?.best().map_err(|e| DesignError::refusal(method, alpha, &e))?;
     let scaled_p = s.value(&p);
-    let not_verified = || DesignError::NotVerified { method: method.name(), alpha, what: "P", margin: 0.0 };
-    let factor = scaled_p.clone().cholesky().ok_or_else(not_verified)?;
+    let gain = |h: &Affine| Ok(units.gain_back(&gain_of(method, alpha, &scaled_p, &s.value(h))?));
     let d2 = units.weight * units.weight;
     Ok(Found {
-        gains: hs.iter().map(|h| units.gain_back(&factor.solve(&s.value(h)))).collect(),
+        gains: hs.iter().map(gain).collect::<Result<_, DesignError>>()?,
         p: units.lyapunov_back(&scaled_p),
         gamma: s.value(&gamma)[(0, 0)] * d2,
         multipliers: tau.map(|t| s.value(&t)[(0, 0)] * d2),
@@ -186,7 +273,7 @@ fn judge(plant: &Plant, method: Method, alpha: f64, found: &Found, gains: &[Gain
         put(&mut decay, (6, 6), p);
         put(&mut decay, (12, 6), p);
         put(&mut decay, (12, 12), &identity(6, tau2));
-        if method == Method::LinearDesign {
+        if method == Method::LinearDesign || sigma2 == 0.0 {
             // no mismatch: the last block is not there
             dissipation = dissipation.view((0, 0), (18, 18)).into_owned();
             decay = decay.view((0, 0), (12, 12)).into_owned();

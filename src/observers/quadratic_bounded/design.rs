@@ -133,6 +133,12 @@ impl<'a> Unit<'a> {
         }
     }
 
+    /// (α, volume) at `count` + 1 rates; they matter by their ratio, and the volume runs to infinity at zero.
+    fn front(&self, fastest: f64, count: usize) -> Vec<(f64, f64)> {
+        let rate = |k: usize| fastest * SLOWEST.powf(1.0 - k as f64 / count.max(1) as f64);
+        (0..=count).filter_map(|k| Some((rate(k), self.best_volume(rate(k)).filter(|v| v.is_finite())?))).collect()
+    }
+
     /// Volume of z's ellipsoid at the optimum, from the Riccati equation.
     fn best_volume(&self, alpha: f64) -> Option<f64> {
         let log_det = log_det_shadow(&self.plant.e1, &self.riccati(alpha)?)?;
@@ -181,6 +187,19 @@ fn log_det_shadow(e1: &DMatrix<f64>, t: &DMatrix<f64>) -> Option<f64> {
     Some(-spread.cholesky()?.l_dirty().diagonal().iter().map(|d| 2.0 * d.ln()).sum::<f64>())
 }
 
+/// The smallest volume at each of `count` rates up to `fastest` (1/s), evenly spaced by their ratio: Fig. 4 of the paper.
+/// Rates without an observer are left out.
+///
+/// # Errors
+/// A plant that does not fit, or a rate that is not positive.
+pub fn front(plant: &Plant, fastest: f64, count: usize) -> Result<Vec<(f64, f64)>, DesignError> {
+    if !fastest.is_finite() || fastest <= 0.0 {
+        return Err(DesignError::Rate(fastest));
+    }
+    let unit = Unit::of(plant)?;
+    Ok(unit.front(fastest, count))
+}
+
 /// The smallest and the fastest design up to `fastest` (1/s), and for every μ the rate with the least J_μ (eq. 25).
 ///
 /// # Errors
@@ -191,9 +210,7 @@ pub fn choose_rates(plant: &Plant, fastest: f64, mus: &[f64]) -> Result<(TradeOf
     }
     let unit = Unit::of(plant)?;
     let volume = |alpha: f64| unit.best_volume(alpha).unwrap_or(f64::INFINITY);
-    // rates matter by their ratio; the volume runs to infinity at zero
-    let grid: Vec<f64> = (0..=FRONT).map(|k| fastest * SLOWEST.powf(1.0 - k as f64 / FRONT as f64)).collect();
-    let mut front: Vec<(f64, f64)> = grid.iter().map(|&a| (a, volume(a))).filter(|p| p.1.is_finite()).collect();
+    let mut front = unit.front(fastest, FRONT);
     let refine = |front: &[(f64, f64)], at: f64, cost: &dyn Fn((f64, f64)) -> f64| {
         let k = front.iter().position(|p| p.0 == at).unwrap_or(0);
         let (lo, hi) = (front[k.saturating_sub(1)].0, front[(k + 1).min(front.len() - 1)].0);

@@ -38,7 +38,7 @@ pub use cache::design_cached;
 pub use certify::Coverage;
 pub use channels::{Channels, REGISTRATION};
 pub use declared::declared_plant;
-pub use design::{ContinuousDesign, choose_rates, design_continuous};
+pub use design::{ContinuousDesign, choose_rates, design_continuous, front};
 pub(in crate::observers) use detect::unseen_motion;
 pub use filter::Filter;
 pub use online::WrenchObserver;

@@ -22,6 +22,14 @@ const Q2: [&[f64]; OUTPUTS] = [
 /// Order of the disturbance model in the paper's section 4.
 pub const PAPER_ORDER: usize = 3;
 
+/// How the paper's text differs from what its model follows from.
+pub const CORRECTIONS: &[&str] = &[
+    "(33) prints q₀ for q₀².",
+    "(54) prints the body's velocity and a wrong sign: the force measurement is R(m·a_b − f_a).",
+    "F is 6r×6r, G 6r×6, H 6×6r, and C = (I₉, 0_{9×(6r−3)}).",
+    "The certificate is for continuous measurements; what runs on samples is designed for samples.",
+];
+
 /// The rigid body in momentum form with a disturbance that is a chain of `order` integrators (eqs. 41–57).
 ///
 /// State (p, d, ḋ, …, d^(r−1)) ∈ R^(6+6r), p = (m·v, R·J·ω) in the world frame, d the force and torque that act beside
