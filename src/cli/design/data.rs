@@ -156,7 +156,7 @@ mod tests {
         let path = dir.path().join("rig.csv");
         let row = |k: u32| {
             // stamps jitter; the angle rises at 0.5 rad/s
-            let t = f64::from(k) * 0.01 + if k % 2 == 0 { 0.002 } else { 0.0 };
+            let t = f64::from(k) * 0.01 + if k.is_multiple_of(2) { 0.002 } else { 0.0 };
             format!("{t},{},0,0,1,2,3,0.25,0.5,0,0\n", 0.5 * t)
         };
         std::fs::write(

@@ -338,7 +338,7 @@ mod tests {
         let mut o = observer();
         let attitude = UnitQuaternion::identity();
         let dt = 0.02;
-        let mut at = |o: &mut RateObserver, k: i64, seen: bool| {
+        let at = |o: &mut RateObserver, k: i64, seen: bool| {
             let mut m = measurement(k * 20_000_000, dt, attitude, Vector3::zeros());
             if !seen {
                 // carried forward by the gyro: not to be used

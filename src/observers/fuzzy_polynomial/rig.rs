@@ -91,7 +91,7 @@ impl Experiment {
 
     /// What a slow controller and the excitation apply.
     fn voltages(&self, plant: &Plant, t: f64, state: &[f64; 6]) -> [f64; 4] {
-        let side = |t: f64| if (t / self.switch_s) as u64 % 2 == 0 { 1.0 } else { -1.0 };
+        let side = |t: f64| if ((t / self.switch_s) as u64).is_multiple_of(2) { 1.0 } else { -1.0 };
         let moving = if (5.0..60.0).contains(&t) { 1.0 } else { 0.0 };
         let reference = [side(t), side(t + 0.5 * self.switch_s)].map(|s| s * moving * self.reference_rad);
         let rates = euler_rates(state);
