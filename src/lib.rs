@@ -20,6 +20,7 @@
 //! | [`vehicle`] | rigid body, rotors, drag, actuator → wrench, presets | `sets`, `signal`, `document` |
 //! | [`observers`] | the `Observer` trait, its registry, one room per paper | `sets`, `sdp`, `sos`, `vehicle`, `signal` |
 //! | [`wind`] | wrench → wind velocity with its bound | `sets`, `vehicle`, `signal` |
+//! | [`faults`] | which part is at fault, from what telemetry contradicts | `vehicle`, `signal` |
 //! | [`wire`] | MAVLink framing, dialects, link statistics | nothing |
 //! | [`routing`] | which links a frame goes to: rules, filters, limits, duplicates; no I/O | `wire` |
 //! | [`telemetry`] | MAVLink → `Sample` → `Measurement`; clocks | `wire`, `signal`, `vehicle` |
@@ -41,6 +42,7 @@ pub mod config;
 pub mod daemon;
 pub mod document;
 pub mod evaluate;
+pub mod faults;
 pub mod observers;
 pub mod outputs;
 pub mod pipeline;

@@ -1,5 +1,6 @@
 use super::slot::{Clock, Slot, joint};
 use super::snapshot::{FaultMask, ObserverReport, Snapshot, VehicleId, WindEstimate, WrenchEstimate};
+use crate::faults::FaultBank;
 use crate::signal::{Channel, Guarantee, Measurement, Verdict};
 use crate::telemetry::{Aligner, Decoded, Decoder};
 use crate::vehicle::{SEA_LEVEL_KGM3, Vehicle};
@@ -15,6 +16,7 @@ pub struct Chain {
     aligner: Aligner,
     /// In the order of their ids, whatever the order in the config.
     slots: Vec<Slot>,
+    faults: FaultBank,
     clock: Option<Clock>,
 }
 
@@ -24,6 +26,7 @@ impl Chain {
             id,
             decoder: Decoder::new(vehicle.actuators.source),
             aligner: Aligner::new(Arc::clone(&vehicle)),
+            faults: FaultBank::new(&vehicle),
             vehicle,
             slots,
             clock,
@@ -42,6 +45,11 @@ impl Chain {
     /// The channels of these that do not arrive.
     pub fn missing<'a>(&'a self, needs: &'a [Channel]) -> impl Iterator<Item = Channel> + 'a {
         needs.iter().copied().filter(|c| self.aligner.missing(*c))
+    }
+
+    /// The detectors of faults.
+    pub fn faults(&self) -> &FaultBank {
+        &self.faults
     }
 
     pub(super) fn slots(&self) -> &[Slot] {
@@ -76,6 +84,7 @@ impl Chain {
         for slot in &mut self.slots {
             slot.step(m, &self.aligner, self.clock);
         }
+        self.faults.step(m);
         let wrench = self.slots.iter().find_map(Slot::wrench);
         let wind = wrench.as_ref().and_then(|w| self.wind(m, w));
         let snapshot = Snapshot {
@@ -84,7 +93,7 @@ impl Chain {
             received_unix_us,
             wrench,
             wind,
-            faults: FaultMask::default(),
+            faults: FaultMask(self.faults.bits()),
             verdict: joint(self.slots.iter().map(|s| s.observer.estimate().verdict)),
             observers: Reports(&self.slots),
         };

@@ -1,7 +1,7 @@
 use super::chain::Chain;
 use super::fleet::Severity;
 use super::slot::Slot;
-use super::snapshot::Snapshot;
+use super::snapshot::{FaultMask, Snapshot};
 use crate::signal::{Discontinuity, Measurement, Stamp, Verdict};
 
 /// A state must hold this long before it is told, so that a link's hiccups don't chatter, s.
@@ -18,6 +18,7 @@ pub(super) struct Notices {
     candidate: Option<(Verdict, Stamp)>,
     /// One for each observer.
     each: Vec<Told>,
+    faults: FaultMask,
 }
 
 /// What was told of one observer.
@@ -58,6 +59,7 @@ impl Notices {
                 told.starved(chain, slot, t, sink);
             }
         }
+        self.faults(chain, snapshot.faults, sink);
         // a broken assumption passes; it is no state to announce
         let state = match snapshot.verdict {
             Verdict::AssumptionViolated | Verdict::Settling | Verdict::Consistent => Verdict::Consistent,
@@ -74,6 +76,22 @@ impl Notices {
                 }
             }
             _ => self.candidate = Some((state, t)),
+        }
+    }
+
+    /// Each fault when it appears and when it clears.
+    fn faults(&mut self, chain: &Chain, now: FaultMask, sink: &mut dyn FnMut(Severity, &str)) {
+        let before = std::mem::replace(&mut self.faults, now);
+        if before == now {
+            return;
+        }
+        for name in FaultMask(now.0 & !before.0).names() {
+            let size = chain.faults().active().find(|a| FaultMask(a.fault.bit()).names().eq([name]));
+            let size = size.map(|a| format!(" ({:.2})", a.magnitude)).unwrap_or_default();
+            sink(Severity::Warning, &format!("fault: {name}{size}"));
+        }
+        for name in FaultMask(before.0 & !now.0).names() {
+            sink(Severity::Notice, &format!("fault cleared: {name}"));
         }
     }
 
