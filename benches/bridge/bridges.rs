@@ -1,11 +1,14 @@
 //! Bridges as processes, and the CPU time that they use.
 
+use socket2::SockRef;
 use std::fs;
 use std::io;
 use std::process::{Child, Command, Stdio};
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Bridge {
+    /// Receives and sends, and looks at nothing: what the kernel alone costs.
+    Relay,
     Ours,
     OursRecording,
     Router,
@@ -27,10 +30,11 @@ pub struct Running {
 }
 
 impl Bridge {
-    pub const ALL: [Self; 5] = [Self::Ours, Self::OursRecording, Self::Router, Self::P2p, Self::Proxy];
+    pub const ALL: [Self; 6] = [Self::Relay, Self::Ours, Self::OursRecording, Self::Router, Self::P2p, Self::Proxy];
 
     pub fn name(self) -> &'static str {
         match self {
+            Self::Relay => "relay without a look",
             Self::Ours => "mavobserver",
             Self::OursRecording => "mavobserver, recording",
             Self::Router => "mavlink-router",
@@ -39,9 +43,11 @@ impl Bridge {
         }
     }
 
-    fn command(self, Ports { vehicle, station }: Ports) -> Command {
+    fn command(self, Ports { vehicle, station }: Ports) -> io::Result<Command> {
         let (from, to) = (format!("127.0.0.1:{vehicle}"), format!("127.0.0.1:{station}"));
+        let this = std::env::current_exe()?;
         let (program, arguments) = match self {
+            Self::Relay => (this.to_str().unwrap_or_default(), vec!["--relay".to_owned(), format!("{from},{to}")]),
             Self::Ours | Self::OursRecording => (env!("CARGO_BIN_EXE_mavobserver"), {
                 let links = ["--link".to_owned(), format!("udpin:{from}"), "--link".to_owned(), format!("udpout:{to}")];
                 ["run", "--quiet", "--no-observers"].map(str::to_owned).into_iter().chain(links).collect()
@@ -55,14 +61,28 @@ impl Bridge {
         };
         let mut command = Command::new(program);
         command.args(arguments).stdin(Stdio::null()).stdout(Stdio::null()).stderr(Stdio::null());
-        command
+        Ok(command)
+    }
+}
+
+/// Passes datagrams from one address to another.
+pub fn relay(from: &str, to: &str) -> io::Result<()> {
+    let socket = std::net::UdpSocket::bind(from)?;
+    let out = std::net::UdpSocket::bind("127.0.0.1:0")?;
+    out.connect(to)?;
+    SockRef::from(&socket).set_recv_buffer_size(4 << 20)?;
+    let mut buffer = [0; 2048];
+    loop {
+        let length = socket.recv(&mut buffer)?;
+        // nobody may listen yet
+        let _ = out.send(&buffer[..length]);
     }
 }
 
 impl Running {
     /// `None` if the bridge is not installed.
     pub fn start(bridge: Bridge, ports: Ports) -> io::Result<Option<Self>> {
-        let mut command = bridge.command(ports);
+        let mut command = bridge.command(ports)?;
         let records = if bridge == Bridge::OursRecording { Some(tempfile::tempdir()?) } else { None };
         if let Some(directory) = &records {
             command.arg("--record").arg(directory.path());

@@ -19,6 +19,8 @@ struct Options {
     seconds: f64,
     rates: Vec<u32>,
     soak: Option<f64>,
+    /// Addresses of a plain relay, which this program also is.
+    relay: Option<(String, String)>,
 }
 
 fn main() -> ExitCode {
@@ -26,6 +28,9 @@ fn main() -> ExitCode {
         eprintln!("usage: bridge [--seconds S] [--rates N,N,…] [--soak S]");
         return ExitCode::from(2);
     };
+    if let Some((from, to)) = options.relay {
+        return bridges::relay(&from, &to).map_or(ExitCode::FAILURE, |()| ExitCode::SUCCESS);
+    }
     if let Some(seconds) = options.soak {
         return soak::run(Duration::from_secs_f64(seconds));
     }
@@ -47,13 +52,14 @@ fn main() -> ExitCode {
 
 /// `cargo bench` adds `--bench`, which says nothing here.
 fn options() -> Option<Options> {
-    let mut options = Options { seconds: 5.0, rates: vec![1_000, 10_000, 50_000], soak: None };
+    let mut options = Options { seconds: 5.0, rates: vec![1_000, 10_000, 50_000], soak: None, relay: None };
     let mut words = std::env::args().skip(1).filter(|word| word != "--bench");
     while let Some(word) = words.next() {
         let value = words.next()?;
         match word.as_str() {
             "--seconds" => options.seconds = value.parse().ok()?,
             "--soak" => options.soak = Some(value.parse().ok()?),
+            "--relay" => options.relay = value.split_once(',').map(|(from, to)| (from.to_owned(), to.to_owned())),
             "--rates" => options.rates = value.split(',').map(|rate| rate.parse().ok()).collect::<Option<_>>()?,
             _ => return None,
         }

@@ -1,6 +1,6 @@
 //! Frames that know when they left, and who counts them.
 
-use mavobserver::wire::dialect::ardupilotmega::HIGHRES_IMU_DATA;
+use mavobserver::wire::dialect::ardupilotmega::{HIGHRES_IMU_DATA, HighresImuUpdatedFlags};
 use mavobserver::wire::{Encoder, Event, datagram};
 use socket2::SockRef;
 use std::io;
@@ -45,8 +45,9 @@ impl Source {
     }
 
     fn send(&mut self) {
-        // every field counts, or the frame is shortened
-        let imu = HIGHRES_IMU_DATA { time_usec: now_ns(), id: 1, ..HIGHRES_IMU_DATA::DEFAULT };
+        // the last byte that is not zero ends the frame
+        let fields_updated = HighresImuUpdatedFlags::HIGHRES_IMU_UPDATED_TEMPERATURE;
+        let imu = HIGHRES_IMU_DATA { time_usec: now_ns(), fields_updated, ..HIGHRES_IMU_DATA::DEFAULT };
         let frame = self.encoder.encode(&imu);
         debug_assert_eq!(frame.bytes().len(), FRAME_LEN);
         // before the bridge is up nobody listens

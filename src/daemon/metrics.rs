@@ -71,12 +71,13 @@ impl Collector for Numbers {
 /// Name, help and value of a counter of each link.
 type LinkCounter = (&'static str, &'static str, fn(&LinkStatus) -> u64);
 
-const LINK_COUNTERS: [LinkCounter; 14] = [
+const LINK_COUNTERS: [LinkCounter; 15] = [
     ("link_reconnects", "Times that the link came up again", |l| l.reconnects),
     ("link_received_frames", "Whole frames received", |l| l.frames_in),
     ("link_received_bytes", "Bytes of those frames", |l| l.bytes_in),
     ("link_received_bad", "Stretches of bytes that were no frame", |l| l.bad_in),
     ("link_received_lost", "Frames that never came, by their senders' numbers", |l| l.lost_in),
+    ("link_received_overrun", "Datagrams that the kernel dropped because we were too slow", |l| l.overrun_in),
     ("link_received_blocked", "Frames that the link's filter did not take", |l| l.blocked_in),
     ("link_received_duplicates", "Frames that had come before by another link", |l| l.duplicates_in),
     ("link_received_twins", "Frames of a second sender with the same ids", |l| l.twins_in),

@@ -14,6 +14,7 @@
 //!
 //! | queue | length | when full |
 //! |---|---|---|
+//! | UDP socket, in | the kernel's buffer, 4 MiB where it allows that | the kernel drops the newest datagram and counts it; we read its count |
 //! | UDP socket, out | the kernel's buffer, 4 MiB where it allows that | the newest frame is dropped for that peer and counted |
 //! | TCP connection, out | 256 KiB beside the kernel's buffer | frames wait; beyond that the newest is dropped and counted |
 //! | serial port, out | what the line carries in 0.25 s | frames wait; beyond that the newest is dropped and counted |

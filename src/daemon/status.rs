@@ -98,6 +98,9 @@ pub struct LinkStatus {
     pub bad_in: u64,
     /// Frames that never came, by the senders' sequence numbers.
     pub lost_in: u64,
+    /// Datagrams that the kernel dropped because we were too slow, by its own count. Their frames are in `lost_in` as
+    /// far as the numbers show: a gap of 256 frames or more shows shorter.
+    pub overrun_in: u64,
     /// Frames that the link's filter did not take.
     pub blocked_in: u64,
     /// Frames that had come before by another link.
@@ -292,7 +295,7 @@ impl LinkBoard {
     fn status(&self, id: LinkId, router: &Router) -> LinkStatus {
         let traffic = self.outlet.traffic().map(Traffic::counts).unwrap_or_default();
         let (filtered_out, limited_out) = router.held_back(id);
-        let health = self.outlet.health();
+        let (health, overrun_in) = (self.outlet.health(), self.outlet.overruns());
         let received = lock(&self.received);
         LinkStatus {
             name: self.name.clone(),
@@ -303,6 +306,7 @@ impl LinkBoard {
             bytes_in: received.totals().bytes,
             bad_in: received.bad_frames(),
             lost_in: received.losses().lost,
+            overrun_in,
             blocked_in: self.blocked.load(Ordering::Relaxed),
             duplicates_in: self.duplicates.load(Ordering::Relaxed),
             twins_in: self.twins.load(Ordering::Relaxed),
@@ -386,6 +390,9 @@ impl LinkStatus {
         }
         if self.lost_in > last.lost_in {
             let _ = write!(line, ", {} lost", self.lost_in - last.lost_in);
+        }
+        if self.overrun_in > last.overrun_in {
+            let _ = write!(line, ", {} not taken in time", self.overrun_in - last.overrun_in);
         }
         let _ = write!(line, ", out {:.0} frames/s", per_second(self.frames_out, last.frames_out));
         let _ = write!(line, " to {} peer{}", self.peers, if self.peers == 1 { "" } else { "s" });

@@ -15,7 +15,7 @@ pub(super) fn report(status: &Status) -> Value {
         });
         json!({
             "name": l.name, "down": l.down, "reconnects": l.reconnects, "peers": l.peers, "frames_in": l.frames_in, "bytes_in": l.bytes_in, "bad_in": l.bad_in,
-            "lost_in": l.lost_in, "blocked_in": l.blocked_in, "duplicates_in": l.duplicates_in, "twins_in": l.twins_in, "frames_out": l.frames_out, "bytes_out": l.bytes_out,
+            "lost_in": l.lost_in, "overrun_in": l.overrun_in, "blocked_in": l.blocked_in, "duplicates_in": l.duplicates_in, "twins_in": l.twins_in, "frames_out": l.frames_out, "bytes_out": l.bytes_out,
             "dropped_out": l.dropped_out, "filtered_out": l.filtered_out, "limited_out": l.limited_out,
             "strangers": l.strangers, "sources": sources.collect::<Vec<_>>(),
         })

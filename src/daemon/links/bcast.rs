@@ -6,7 +6,7 @@
 
 use super::backoff::Backoff;
 use super::health::Health;
-use super::sockets::{DATAGRAM, Drained, bind, drain, resolve};
+use super::sockets::{DATAGRAM, Drained, bind, drain, overruns, resolve};
 use crate::daemon::clock::unix_us;
 use crate::daemon::inlet::Inlet;
 use crate::daemon::status::Traffic;
@@ -64,6 +64,13 @@ impl BcastLink {
 
     fn set_sockets(&self, sockets: Option<Arc<Sockets>>) {
         *self.sockets.write().unwrap_or_else(PoisonError::into_inner) = sockets;
+    }
+
+    /// Datagrams that the kernel dropped because we were too slow, since the link came up.
+    pub(super) fn overruns(&self) -> u64 {
+        let sockets = self.sockets.read().unwrap_or_else(PoisonError::into_inner);
+        let both = sockets.as_ref().map(|s| [overruns(&s.listening), overruns(&s.speaking)]);
+        both.into_iter().flatten().flatten().sum()
     }
 
     pub(super) fn send(&self, bytes: &[u8]) {

@@ -147,6 +147,15 @@ impl Outlet {
         }
     }
 
+    /// Datagrams that the kernel dropped because we were too slow. Streams make their sender wait instead.
+    pub(super) fn overruns(&self) -> u64 {
+        match self {
+            Self::Udp(link) => link.overruns(),
+            Self::Bcast(link) => link.overruns(),
+            Self::TcpServer(_) | Self::TcpClient(_) | Self::Serial(_) | Self::Log => 0,
+        }
+    }
+
     /// How many peers a frame for everyone goes to.
     pub(super) fn peer_count(&self) -> usize {
         match self {

@@ -62,3 +62,58 @@ pub(super) fn drain(socket: &UdpSocket, buffer: &mut [u8], mut take: impl FnMut(
     }
     Drained::Fine
 }
+
+/// Datagrams that the kernel dropped because they were not taken in time: its own count, where it keeps one that can be
+/// read. A burst that is longer than the 256 sequence numbers shows nowhere else.
+#[cfg(target_os = "linux")]
+pub(super) fn overruns(socket: &UdpSocket) -> Option<u64> {
+    use std::fs;
+    use std::os::fd::AsRawFd;
+
+    let name = fs::read_link(format!("/proc/self/fd/{}", socket.as_raw_fd())).ok()?;
+    let inode = name.to_str()?.strip_prefix("socket:[")?.strip_suffix(']')?.to_owned();
+    ["/proc/self/net/udp", "/proc/self/net/udp6"]
+        .iter()
+        .find_map(|table| fs::read_to_string(table).ok()?.lines().skip(1).find_map(|line| drops_in(line, &inode)))
+}
+
+#[cfg(not(target_os = "linux"))]
+pub(super) fn overruns(_: &UdpSocket) -> Option<u64> {
+    None
+}
+
+/// The drops in a line of the kernel's table, if it is that of this socket: the tenth column is its inode, the
+/// thirteenth its drops.
+#[cfg(target_os = "linux")]
+fn drops_in(line: &str, inode: &str) -> Option<u64> {
+    const INODE: usize = 9;
+    const DROPS: usize = 12;
+    let mut columns = line.split_whitespace();
+    if columns.nth(INODE)? != inode {
+        return None;
+    }
+    columns.nth(DROPS - INODE - 1)?.parse().ok()
+}
+
+#[cfg(all(test, target_os = "linux"))]
+mod tests {
+    use super::*;
+
+    #[tokio::test]
+    async fn what_the_kernel_drops_is_counted() {
+        let socket = bind(SocketAddr::from(([127, 0, 0, 1], 0)), false).await.expect("a free port");
+        SockRef::from(&socket).set_recv_buffer_size(4096).expect("set");
+        assert_eq!(overruns(&socket), Some(0));
+        let peer = std::net::UdpSocket::bind("127.0.0.1:0").expect("a free port");
+        let to = socket.local_addr().expect("bound");
+        for _ in 0..200 {
+            peer.send_to(&[0; 500], to).expect("sent");
+        }
+        let (mut came, mut buffer) = (0, [0; 600]);
+        while socket.try_recv_from(&mut buffer).is_ok() {
+            came += 1;
+        }
+        assert!(came < 200);
+        assert_eq!(overruns(&socket), Some(200 - came));
+    }
+}

@@ -3,7 +3,7 @@
 use super::backoff::Backoff;
 use super::health::Health;
 use super::peers::{Heard, Peers};
-use super::sockets::{DATAGRAM, Drained, bind, drain, resolve};
+use super::sockets::{DATAGRAM, Drained, bind, drain, overruns, resolve};
 use crate::daemon::DaemonError;
 use crate::daemon::clock::{Steady, unix_us};
 use crate::daemon::inlet::Inlet;
@@ -38,6 +38,8 @@ pub(in crate::daemon) struct UdpLink {
     peers: Option<Peers>,
     steady: Steady,
     heard_ms: AtomicU64,
+    /// Overruns of sockets that were closed since.
+    earlier_overruns: AtomicU64,
     pub(super) traffic: Traffic,
     pub(super) health: Health,
 }
@@ -76,6 +78,7 @@ impl UdpLink {
             peers,
             steady: Steady::start(),
             heard_ms: AtomicU64::new(0),
+            earlier_overruns: AtomicU64::new(0),
             traffic: Traffic::default(),
             health: Health::new(name),
         };
@@ -105,6 +108,9 @@ impl UdpLink {
     }
 
     fn set_socket(&self, socket: Option<Arc<Socket>>) {
+        if let Some(count) = self.socket().and_then(|before| overruns(&before.socket)) {
+            self.earlier_overruns.fetch_add(count, Ordering::Relaxed);
+        }
         *self.socket.write().unwrap_or_else(PoisonError::into_inner) = socket;
     }
 
@@ -114,6 +120,12 @@ impl UdpLink {
 
     pub(super) fn local_addr(&self) -> Option<SocketAddr> {
         self.socket()?.socket.local_addr().ok()
+    }
+
+    /// Datagrams that the kernel dropped because we were too slow.
+    pub(super) fn overruns(&self) -> u64 {
+        let now = self.socket().and_then(|socket| overruns(&socket.socket)).unwrap_or(0);
+        self.earlier_overruns.load(Ordering::Relaxed) + now
     }
 
     pub(super) fn peer_count(&self) -> usize {
