@@ -20,6 +20,8 @@ const PATIENCE: Duration = Duration::from_millis(20);
 
 /// Broken assumptions closer together than this are one stretch, s.
 const JOINED_S: f64 = 0.5;
+/// About the time between two estimates: so long one of them stands, s.
+const SHOWN_S: f64 = 0.1;
 
 /// A ground station: says that it is there, decodes what arrives, and holds the estimates against the truth.
 pub(super) struct Ground {
@@ -197,8 +199,8 @@ impl Ground {
         self.broken += u64::from(broken);
         if broken {
             match self.broken_at.last_mut() {
-                Some(span) if t_s - span[1] < JOINED_S => span[1] = t_s,
-                _ => self.broken_at.push([t_s, t_s]),
+                Some(span) if t_s - span[1] < JOINED_S => span[1] = t_s + SHOWN_S,
+                _ => self.broken_at.push([t_s, t_s + SHOWN_S]),
             }
         }
         !broken
@@ -217,7 +219,11 @@ impl Ground {
             self.force.panel(0, "Force north", "N"),
             self.force.panel(1, "Force east", "N"),
             self.torque.panel(0, "Torque about the roll axis", "N m"),
-            Panel::new("", "").lane("broken", Colour::Red, self.broken_at.iter().copied()),
+            Panel::new("Assumptions broken, as the observer says", "").lane(
+                "",
+                Colour::Red,
+                self.broken_at.iter().copied(),
+            ),
         ];
         Figure::new("").x("time since boot", "s").panels(panels)
     }
