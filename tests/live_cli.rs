@@ -4,8 +4,9 @@ mod live_support;
 
 use assert_cmd::cargo::{cargo_bin, cargo_bin_cmd};
 use live_support::flight_of;
-use mavobserver::wire::Encoder;
+use mavobserver::record::McapReader;
 use mavobserver::wire::tlog::{TlogReader, TlogWriter};
+use mavobserver::wire::{Encoder, Event};
 use std::fs::File;
 use std::io::{BufRead, BufReader};
 use std::net::UdpSocket;
@@ -82,13 +83,19 @@ fn start(records: &Path) -> (Child, BufReader<std::process::ChildStderr>, String
     (child, log, address)
 }
 
-fn recorded(records: &Path) -> usize {
-    let files = std::fs::read_dir(records).expect("made").map(|f| f.expect("read").path());
-    let received: Vec<PathBuf> = files.filter(|f| !f.to_string_lossy().contains(".sent.")).collect();
-    let mut reader = TlogReader::open(&received[0]).expect("a log");
-    let mut frames = 0;
-    while reader.next().expect("readable").is_some() {
-        frames += 1;
+/// Frames received on the link, in the telemetry log and in the MCAP recording.
+fn recorded(records: &Path) -> [usize; 2] {
+    let files: Vec<PathBuf> = std::fs::read_dir(records).expect("made").map(|f| f.expect("read").path()).collect();
+    let named = |end: &str| files.iter().find(|f| f.to_string_lossy().ends_with(end)).expect("recorded");
+    let mut log = TlogReader::open(named("Z.tlog")).expect("a log");
+    let mut recording = McapReader::open(named(".mcap")).expect("a recording");
+    let mut frames = [0; 2];
+    while log.next().expect("readable").is_some() {
+        frames[0] += 1;
+    }
+    while let Some(record) = recording.next().expect("readable") {
+        let Event::Frame(frame) = record.event else { continue };
+        frames[1] += usize::from(frame.component_id() == 1);
     }
     frames
 }
@@ -113,7 +120,7 @@ fn it_stops_politely_at_sigterm_and_keeps_what_it_heard_when_killed() {
         assert_eq!(status.success(), success, "{signal}: {status}");
         assert!(begin.elapsed() < Duration::from_secs(5));
         let rest: Vec<_> = log.lines().map_while(Result::ok).collect();
-        assert_eq!(recorded(directory.path()), 100, "{signal}: {rest:#?}");
+        assert_eq!(recorded(directory.path()), [100, 100], "{signal}: {rest:#?}");
     }
 }
 

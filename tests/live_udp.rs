@@ -3,9 +3,10 @@
 mod live_support;
 
 use live_support::*;
-use mavobserver::config::{LinkUrl, Pace};
+use mavobserver::config::{LinkUrl, Pace, Recording};
 use mavobserver::daemon::{Daemon, DaemonError, Settings};
 use mavobserver::pipeline::VehicleId;
+use mavobserver::record::session::Policy;
 use mavobserver::wire::dialect::ardupilotmega::{
     ATTITUDE_DATA, COMMAND_LONG_DATA, DEBUG_VECT_DATA, HEARTBEAT_DATA, MavAutopilot, MavCmd, MavType, STATUSTEXT_DATA,
     SYSTEM_TIME_DATA, TIMESYNC_DATA,
@@ -270,13 +271,14 @@ async fn a_log_is_played_whole_recorded_whole_and_ends_the_daemon() {
     write_log(&log, &flight_of(&mut Encoder::new(1, 1), 20_000));
     let mut settings = Settings::new(vec![talking(LinkUrl::Tlog { path: log.clone(), pace: Pace::Max })]);
     let records = directory.path().join("records");
-    settings.record = Some(records.clone());
+    settings.record = Some(Recording { directory: records.clone(), policy: Policy::default() });
     let daemon = Running::start(settings, Echo::default()).await;
     let summary = daemon.ended().await;
     let vehicle = summary.status.vehicles[&VehicleId { system: 1, component: 1 }];
     assert_eq!((vehicle.snapshots, summary.status.estimator_missed), (20_000, 0));
 
     let mut files: Vec<_> = std::fs::read_dir(&records).expect("made").map(|f| f.expect("read").path()).collect();
+    files.retain(|f| f.extension().is_some_and(|e| e == "tlog"));
     files.sort_by_key(|f| f.to_string_lossy().contains(".sent."));
     let recording = summary.status.recording.expect("recorded");
     let received = read_log(&files[0]);
@@ -378,7 +380,7 @@ async fn live_estimates_equal_those_of_the_recording() {
     station_link.output.rates.wind_estimate = Rate::EVERY;
     station_link.output.rates.fault_status = Rate::EVERY;
     let mut settings = Settings::new(vec![silent(any_port()), station_link]);
-    settings.record = Some(directory.path().to_owned());
+    settings.record = Some(Recording { directory: directory.path().to_owned(), policy: Policy::default() });
     settings.stop_within = Duration::from_secs(60);
     let daemon = Running::start(settings, fleet()).await;
     let station = Peer::new(Some(daemon.address(1))).await;
@@ -426,7 +428,7 @@ async fn live_estimates_equal_those_of_the_recording() {
     assert_eq!((summary.status.estimator_missed, summary.status.recording.map(|r| r.missed)), (0, Some(0)));
 
     let recording = std::fs::read_dir(directory.path()).expect("made").map(|f| f.expect("read").path());
-    let recording: Vec<_> = recording.filter(|f| !f.to_string_lossy().contains(".sent.")).collect();
+    let recording: Vec<_> = recording.filter(|f| f.to_string_lossy().ends_with("Z.tlog")).collect();
     let (mut forces, mut speeds) = (BTreeMap::new(), BTreeMap::new());
     let mut offline = fleet();
     for (at, frame) in read_log(&recording[0]) {

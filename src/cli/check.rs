@@ -101,7 +101,7 @@ fn report(config: &Config, warnings: &[Issue], designs: &[Value]) -> Value {
         "links": links,
         "vehicles": vehicles,
         "designs": designs,
-        "record": config.record,
+        "record": config.record.as_ref().map(|r| &r.directory),
     })
 }
 
@@ -197,7 +197,7 @@ fn write_summary(
         writeln!(out, "  none: give one with --link or [[link]]")?;
     }
     match &config.record {
-        Some(dir) => writeln!(out, "\nrecords to {}", dir.display()),
+        Some(r) => writeln!(out, "\nrecords to {}", r.directory.display()),
         None => writeln!(out, "\nrecords nothing"),
     }
 }

@@ -5,11 +5,12 @@
 //! Paths in a config are relative to the file that holds them, so that a config works from any directory.
 //!
 //! `config/example.toml` shows every key with its default.
-//! Imports `document`, `vehicle`, `observers`, `pipeline`, `outputs`, `routing` and `wire`.
+//! Imports `document`, `vehicle`, `observers`, `pipeline`, `outputs`, `record`, `routing` and `wire`.
 
 mod link_url;
 mod output;
 mod read;
+mod record;
 mod rules;
 
 pub use link_url::{Flow, LinkUrl, LinkUrlError, Pace};
@@ -17,6 +18,7 @@ pub use link_url::{Flow, LinkUrl, LinkUrlError, Pace};
 use crate::document::{Document, Issue, Issues};
 use crate::outputs::OutputSettings;
 use crate::pipeline::{FleetSettings, ObserverSetting};
+use crate::record::session::Policy;
 use crate::routing::Rules;
 use crate::vehicle::Vehicle;
 use std::collections::BTreeMap;
@@ -35,7 +37,7 @@ pub struct Config {
     /// What leaves on a link that says nothing else.
     pub output: OutputSettings,
     /// Where received frames are recorded; `None` for not at all.
-    pub record: Option<PathBuf>,
+    pub record: Option<Recording>,
     pub requests: Requests,
     /// How long a frame is known, to remove it when it comes again by another link; zero for not at all.
     pub duplicates: Duration,
@@ -43,6 +45,13 @@ pub struct Config {
     pub metrics: Option<SocketAddr>,
     /// Filter of log lines, such as `info` or `mavobserver=debug`.
     pub log: String,
+}
+
+/// Where recordings go, and how they are kept.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Recording {
+    pub directory: PathBuf,
+    pub policy: Policy,
 }
 
 /// One link and what leaves on it.

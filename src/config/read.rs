@@ -1,4 +1,5 @@
 use super::output::output;
+use super::record::record;
 use super::rules::rules;
 use super::{Config, Link, LinkUrl, Requests, Vehicles};
 use crate::document::{Limit, Table, Value};
@@ -19,7 +20,7 @@ pub(super) fn config(t: &mut Table<'_>, base: &Path) -> Option<Config> {
     let links = links(t, base, output);
     let vehicles = t.section("vehicle", |t| vehicles(t, base));
     let observers = t.get("observer").is_some().then(|| observers(t));
-    let record = t.section("record", |t| t.get("dir").and_then(|v| v.text()).map(|dir| base.join(dir)));
+    let record = t.section("record", |t| record(t, base));
     let requests = t.section("requests", requests);
     let duplicates = t.section("bridge", |t| t.get("duplicates_ms").and_then(|v| v.integer(0..=10_000)));
     let duplicates =

@@ -1,3 +1,4 @@
+use crate::record::RecordError;
 use crate::wire::tlog::TlogError;
 use std::io;
 use std::net::SocketAddr;
@@ -14,7 +15,7 @@ pub enum DaemonError {
     #[error("{link}: {source}")]
     Log { link: String, source: TlogError },
     #[error("cannot record into {}: {source}", directory.display())]
-    Record { directory: PathBuf, source: io::Error },
+    Record { directory: PathBuf, source: RecordError },
     #[error("cannot serve metrics at {address}: {source}; choose another `listen` in [metrics]")]
     Metrics { address: SocketAddr, source: io::Error },
     #[error("cannot start the {name} thread: {source}")]

@@ -3,11 +3,12 @@
 use super::batches::{Receiver, Took};
 use super::clock::{Steady, unix_us};
 use super::dialogue::{Dialogue, Now, Question};
-use super::recorder::{RecorderHandle, Track};
+use super::recorder::{Estimates, RecorderHandle};
 use super::router::{LinkId, Origin, Router};
 use super::status::Board;
 use crate::outputs::{LinkOutputs, OutputSettings};
 use crate::pipeline::{Event, Fleet, Severity, Snapshot, VehicleId};
+use crate::record::session::Track;
 use crate::telemetry::requests::{Need, Notice};
 use crate::wire::{FrameBuf, FrameRef};
 use std::collections::BTreeMap;
@@ -179,6 +180,7 @@ pub(super) struct Voice {
     router: Arc<Router>,
     links: Vec<(LinkId, LinkOutputs)>,
     recorder: Option<(RecorderHandle, LinkOutputs)>,
+    estimates: Option<Estimates>,
     component: u8,
 }
 
@@ -194,6 +196,7 @@ impl Voice {
             router,
             component: settings.component,
             links: links.into_iter().map(|(id, settings)| (id, LinkOutputs::new(settings))).collect(),
+            estimates: recorder.as_ref().map(RecorderHandle::estimates),
             recorder: recorder.map(|handle| (handle, LinkOutputs::new(settings))),
         }
     }
@@ -204,6 +207,9 @@ impl Voice {
 
     fn snapshot(&mut self, snapshot: &Snapshot<'_>) {
         self.each(snapshot.received_unix_us, |outputs, send| outputs.snapshot(snapshot, send));
+        if let Some(estimates) = &mut self.estimates {
+            estimates.snapshot(snapshot);
+        }
     }
 
     fn heard(&mut self, vehicle: VehicleId, now_us: u64) {
@@ -219,7 +225,7 @@ impl Voice {
             speak(outputs, &mut |frame| self.router.send(frame, *id));
         }
         if let Some((recorder, outputs)) = &mut self.recorder {
-            speak(outputs, &mut |frame| recorder.record(Track::Sent, now_us, frame));
+            speak(outputs, &mut |frame| recorder.record(Track::Sent, 0, now_us, frame));
         }
     }
 
@@ -235,7 +241,7 @@ impl Voice {
             say(outputs, &mut |frame| self.router.answer(frame, to));
         }
         if let Some((recorder, outputs)) = &mut self.recorder {
-            say(outputs, &mut |frame| recorder.record(Track::Sent, unix_us(), frame));
+            say(outputs, &mut |frame| recorder.record(Track::Sent, 0, unix_us(), frame));
         }
     }
 }

@@ -1,8 +1,9 @@
 use super::batches::Sender;
 use super::estimator::Work;
-use super::recorder::{RecorderHandle, Track};
+use super::recorder::RecorderHandle;
 use super::router::Router;
 use super::status::Board;
+use crate::record::session::Track;
 use crate::routing::{Fate, LinkId, Origin, PeerId};
 use crate::wire::{Event, FrameRef};
 use std::sync::Arc;
@@ -83,7 +84,7 @@ impl Inlet {
             }
         }
         if let Some(recorder) = &self.recorder {
-            recorder.record(Track::Received, now_us, frame);
+            recorder.record(Track::Received, self.link.0, now_us, frame);
         }
         if fate == Fate::Twin {
             // two vehicles mixed into one would be estimated as neither

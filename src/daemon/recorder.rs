@@ -1,44 +1,44 @@
-//! Recording into tlog files, on a thread of its own so that a slow disk delays nobody.
-//!
-//! `DIR/TIME.tlog` holds every frame received on any link, as received, and nothing else: replaying it gives what the
-//! daemon computed, and its losses are those of the links. Our own messages go beside it into `DIR/TIME.sent.tlog`.
-//! TIME is the start in UTC.
+//! The recorder's thread, and the queue that leads to it: a slow disk delays nobody. What is written, and into which
+//! files, is [`crate::record::session`]'s.
 
 use super::batches::{self, Receiver, Refused, Sender, Took, Wake};
-use super::clock::file_stamp;
+use super::clock::unix_us;
 use super::{DaemonError, RECORDER_QUEUE};
-use crate::wire::tlog::TlogWriter;
+use crate::pipeline::Snapshot;
+use crate::record::session::{Disk, Folder, Policy, Session, Track};
+use crate::record::{ChannelSink, Encoding, NewChannel, OwnedChannel, Publisher, RecordError};
 use crate::wire::{FrameBuf, FrameRef};
-use std::fs::{self, File};
-use std::io::{self, BufWriter, Write};
-use std::path::{Path, PathBuf};
+use mcap::records::MessageHeader;
+use std::fmt;
+use std::path::Path;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
-use std::time::{Duration, Instant};
+use std::time::Duration;
 use tracing::{error, info, warn};
 
-/// A killed process loses no more than this.
-const FLUSH_EVERY: Duration = Duration::from_millis(500);
 /// Time between two looks into the queue, unless it fills faster. Looking now and then instead of being woken for every
 /// frame keeps the cost of recording off the links.
 const LOOK_EVERY: Duration = Duration::from_millis(50);
-const BUFFER: usize = 64 * 1024;
 
-/// Which of the two files.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) enum Track {
-    Received,
-    Sent,
-}
-
+// nearly every entry is a frame, and boxing it would allocate for each
+#[allow(clippy::large_enum_variant)]
 #[derive(Debug)]
-struct Entry {
-    track: Track,
-    unix_us: u64,
-    frame: FrameBuf,
+enum Entry {
+    Frame {
+        track: Track,
+        link: u16,
+        unix_us: u64,
+        frame: FrameBuf,
+    },
+    /// Of an observer.
+    Message {
+        channel: Arc<OwnedChannel>,
+        header: MessageHeader,
+        data: Box<[u8]>,
+    },
 }
 
-/// Gives frames to the recorder; clones share it. The recorder ends when the last is dropped.
+/// Gives frames and estimates to the recorder; clones share it. The recorder ends when the last is dropped.
 #[derive(Debug, Clone)]
 pub(super) struct RecorderHandle {
     queue: Sender<Entry>,
@@ -48,7 +48,10 @@ pub(super) struct RecorderHandle {
 #[derive(Debug, Default)]
 pub(super) struct RecorderState {
     written: AtomicU64,
+    /// Frames.
     missed: AtomicU64,
+    /// Messages of observers.
+    estimates_missed: AtomicU64,
     in_gap: AtomicBool,
     stopped: AtomicBool,
 }
@@ -68,67 +71,126 @@ impl RecorderState {
 }
 
 impl RecorderHandle {
-    /// Records a frame, or counts it as missed if the disk is behind or the recorder has stopped.
-    pub(super) fn record(&self, track: Track, unix_us: u64, frame: FrameRef<'_>) {
-        match self.queue.push(Entry { track, unix_us, frame: frame.into() }) {
+    /// Records a frame of a link, or counts it as missed if the disk is behind or the recorder has stopped.
+    pub(super) fn record(&self, track: Track, link: usize, unix_us: u64, frame: FrameRef<'_>) {
+        // there are never as many links as a channel's metadata could tell apart
+        let link = u16::try_from(link).unwrap_or(u16::MAX);
+        self.give(Entry::Frame { track, link, unix_us, frame: frame.into() });
+    }
+
+    pub(super) fn state(&self) -> Arc<RecorderState> {
+        Arc::clone(&self.state)
+    }
+
+    /// Turns snapshots into estimates for this recorder.
+    pub(super) fn estimates(&self) -> Estimates {
+        Estimates(Publisher::new(Queue { handle: self.clone(), channels: Vec::new() }, Encoding::Protobuf))
+    }
+
+    fn give(&self, entry: Entry) {
+        let missed = match &entry {
+            Entry::Frame { .. } => &self.state.missed,
+            Entry::Message { .. } => &self.state.estimates_missed,
+        };
+        match self.queue.push(entry) {
             Ok(()) => {
                 if self.state.in_gap.load(Ordering::Relaxed) && self.state.in_gap.swap(false, Ordering::Relaxed) {
                     warn!(missed = self.state.missed(), "recording goes on after a gap");
                 }
             }
             Err(Refused::Full) => {
-                self.state.missed.fetch_add(1, Ordering::Relaxed);
+                missed.fetch_add(1, Ordering::Relaxed);
                 if !self.state.in_gap.swap(true, Ordering::Relaxed) {
                     warn!("the disk is too slow: the recording has a gap");
                 }
             }
             // it stopped with an error that was logged
             Err(Refused::Closed) => {
-                self.state.missed.fetch_add(1, Ordering::Relaxed);
+                missed.fetch_add(1, Ordering::Relaxed);
             }
         }
     }
+}
 
-    pub(super) fn state(&self) -> Arc<RecorderState> {
-        Arc::clone(&self.state)
+/// Records what the observers say.
+pub(super) struct Estimates(Publisher<Queue>);
+
+impl fmt::Debug for Estimates {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str("Estimates")
+    }
+}
+
+impl Estimates {
+    pub(super) fn snapshot(&mut self, snapshot: &Snapshot<'_>) {
+        // the queue takes everything or counts it as missed: there is no error to tell
+        let _ = self.0.snapshot(snapshot);
+    }
+}
+
+/// Sends an observer's messages, each with its channel: the recorder opens it in every file anew.
+struct Queue {
+    handle: RecorderHandle,
+    channels: Vec<Arc<OwnedChannel>>,
+}
+
+impl ChannelSink for Queue {
+    fn channel(&mut self, new: &NewChannel<'_>) -> Result<u16, RecordError> {
+        self.channels.push(Arc::new(new.into()));
+        // there are as many as observers
+        Ok((self.channels.len() - 1) as u16)
+    }
+
+    fn message(&mut self, header: &MessageHeader, data: &[u8]) -> Result<(), RecordError> {
+        if let Some(channel) = self.channels.get(usize::from(header.channel_id)) {
+            let channel = Arc::clone(channel);
+            self.handle.give(Entry::Message { channel, header: *header, data: data.into() });
+        }
+        Ok(())
     }
 }
 
 /// The writing end: [`Recorder::run`] belongs on a thread.
-#[derive(Debug)]
-pub(super) struct Recorder<O> {
+pub(super) struct Recorder<D: Disk> {
     queue: Receiver<Entry>,
     state: Arc<RecorderState>,
-    files: O,
+    session: Session<D>,
+    links: Vec<String>,
 }
 
-/// Opens the files of a recording.
-pub(super) trait OpenTrack {
-    type File: Write;
-
-    fn open(&mut self, track: Track) -> io::Result<Self::File>;
-}
-
-impl Recorder<Files> {
-    /// Prepares a recording into `directory`, which is made if it is not there, and opens its first file.
-    pub(super) fn create(directory: &Path, now_us: u64) -> Result<(RecorderHandle, Self), DaemonError> {
-        let failed = |source| DaemonError::Record { directory: directory.to_owned(), source };
-        fs::create_dir_all(directory).map_err(failed)?;
-        Ok(Self::with(Files::create(directory, now_us).map_err(failed)?))
+impl<D: Disk> fmt::Debug for Recorder<D> {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.debug_struct("Recorder").field("state", &self.state).finish_non_exhaustive()
     }
 }
 
-impl<O: OpenTrack> Recorder<O> {
-    fn with(files: O) -> (RecorderHandle, Self) {
+impl Recorder<Folder> {
+    /// Prepares a recording into `directory`, which is made if it is not there, and begins it.
+    pub(super) fn create(
+        directory: &Path,
+        policy: Policy,
+        links: Vec<String>,
+    ) -> Result<(RecorderHandle, Self), DaemonError> {
+        let failed = |source| DaemonError::Record { directory: directory.to_owned(), source };
+        let folder = Folder::create(directory).map_err(|e| failed(RecordError::Write(e)))?;
+        let session = Session::begin(folder, policy, unix_us()).map_err(failed)?;
+        info!(directory = %directory.display(), "recording");
+        Ok(Self::with(session, links))
+    }
+}
+
+impl<D: Disk> Recorder<D> {
+    fn with(session: Session<D>, links: Vec<String>) -> (RecorderHandle, Self) {
         let (sender, queue) = batches::channel(RECORDER_QUEUE, Wake::Filled);
         let state = Arc::new(RecorderState::default());
-        (RecorderHandle { queue: sender, state: Arc::clone(&state) }, Self { queue, state, files })
+        (RecorderHandle { queue: sender, state: Arc::clone(&state) }, Self { queue, state, session, links })
     }
 
     /// Writes until every handle is dropped or the disk fails.
     pub(super) fn run(mut self) {
-        match self.write_all() {
-            Ok(()) => info!(frames = self.state.written(), missed = self.state.missed(), "recording finished"),
+        let outcome = self.write_all().and_then(|()| self.session.finish());
+        match outcome {
+            Ok(_) => info!(frames = self.state.written(), missed = self.state.missed(), "recording finished"),
             Err(error) => {
                 self.state.stopped.store(true, Ordering::Relaxed);
                 error!(frames = self.state.written(), "recording stopped: {error}; everything else goes on");
@@ -136,74 +198,33 @@ impl<O: OpenTrack> Recorder<O> {
         }
     }
 
-    fn write_all(&mut self) -> io::Result<()> {
-        let (mut received, mut sent) = (None, None);
-        let (mut flushed, mut batch) = (Instant::now(), Vec::new());
+    fn write_all(&mut self) -> Result<(), RecordError> {
+        let (mut gaps_told, mut batch) = (0, Vec::new());
         loop {
             let took = self.queue.take(&mut batch, LOOK_EVERY);
-            for Entry { track, unix_us, frame } in batch.drain(..) {
-                let slot = if track == Track::Received { &mut received } else { &mut sent };
-                let writer = match slot {
-                    Some(writer) => writer,
-                    None => {
-                        let file = self.files.open(track)?;
-                        slot.insert(TlogWriter::new(BufWriter::with_capacity(BUFFER, file)))
-                    }
-                };
-                writer.write(unix_us, frame.as_ref())?;
-                self.state.written.fetch_add(1, Ordering::Relaxed);
+            for entry in batch.drain(..) {
+                self.write(entry)?;
             }
+            let missed = self.state.missed() + self.state.estimates_missed.load(Ordering::Relaxed);
+            if missed > gaps_told && !self.state.in_gap.load(Ordering::Relaxed) {
+                self.session.gap(unix_us(), missed - gaps_told)?;
+                gaps_told = missed;
+            }
+            self.session.tick(unix_us())?;
+            self.state.written.store(self.session.written(), Ordering::Relaxed);
             if took == Took::Closed {
-                break;
-            }
-            if flushed.elapsed() >= FLUSH_EVERY {
-                received.iter_mut().chain(&mut sent).try_for_each(TlogWriter::flush)?;
-                flushed = Instant::now();
+                return Ok(());
             }
         }
-        received.iter_mut().chain(&mut sent).try_for_each(TlogWriter::flush)
     }
-}
 
-/// The files of one recording. The first exists from the start, so that a directory which cannot be written to is an
-/// error at the start; the second is made when there is something to write.
-#[derive(Debug)]
-pub(super) struct Files {
-    received: Option<File>,
-    sent: PathBuf,
-}
-
-impl Files {
-    fn create(directory: &Path, now_us: u64) -> io::Result<Self> {
-        let stamp = file_stamp(now_us);
-        // two daemons may start in one second
-        for attempt in 1..=99 {
-            let name = if attempt == 1 { stamp.clone() } else { format!("{stamp}-{attempt}") };
-            let path = directory.join(format!("{name}.tlog"));
-            match File::create_new(&path) {
-                Ok(file) => {
-                    info!(file = %path.display(), "recording");
-                    return Ok(Self { received: Some(file), sent: directory.join(format!("{name}.sent.tlog")) });
-                }
-                Err(error) if error.kind() == io::ErrorKind::AlreadyExists => {}
-                Err(error) => return Err(error),
+    fn write(&mut self, entry: Entry) -> Result<(), RecordError> {
+        match entry {
+            Entry::Frame { track, link, unix_us, frame } => {
+                let link = self.links.get(usize::from(link)).map_or("", String::as_str);
+                self.session.frame(track, link, unix_us, frame.as_ref())
             }
-        }
-        Err(io::Error::from(io::ErrorKind::AlreadyExists))
-    }
-}
-
-impl OpenTrack for Files {
-    type File = File;
-
-    fn open(&mut self, track: Track) -> io::Result<File> {
-        match (track, self.received.take()) {
-            (Track::Received, Some(file)) => Ok(file),
-            (Track::Received, None) => Err(io::Error::other("the file was opened before")),
-            (Track::Sent, received) => {
-                self.received = received;
-                File::create_new(&self.sent)
-            }
+            Entry::Message { channel, header, data } => self.session.message(unix_us(), &channel, &header, &data),
         }
     }
 }
@@ -211,68 +232,27 @@ impl OpenTrack for Files {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::wire::Encoder;
     use crate::wire::dialect::ardupilotmega::SYSTEM_TIME_DATA;
-    use crate::wire::tlog::TlogReader;
-    use crate::wire::{Encoder, Event};
-    use std::sync::Mutex;
+    use std::io::{self, Seek, SeekFrom, Write};
+    use std::time::Instant;
 
     fn frame(number: u32) -> FrameBuf {
         Encoder::new(1, 1).encode(&SYSTEM_TIME_DATA { time_unix_usec: 7, time_boot_ms: number })
     }
 
-    fn read(path: &Path) -> Vec<(u64, FrameBuf)> {
-        let mut reader = TlogReader::open(path).expect("a log");
-        let mut frames = Vec::new();
-        while let Some(record) = reader.next().expect("readable") {
-            let Event::Frame(frame) = record.event else { panic!("{:?}", record.event) };
-            frames.push((record.received_unix_us.expect("stamped"), frame.into()));
-        }
-        frames
-    }
-
-    fn logs_in(directory: &Path) -> Vec<PathBuf> {
-        let mut logs: Vec<_> =
-            fs::read_dir(directory).expect("is there").map(|e| e.expect("readable").path()).collect();
-        logs.sort();
-        logs
-    }
-
-    #[test]
-    fn both_tracks_are_logs_of_exactly_what_was_given() {
-        let directory = tempfile::tempdir().expect("a directory");
-        let (handle, recorder) = Recorder::create(&directory.path().join("new"), 0).expect("starts");
-        let thread = std::thread::spawn(|| recorder.run());
-        for k in 0..500 {
-            handle.record(Track::Received, 1_000 + u64::from(k), frame(k).as_ref());
-        }
-        handle.record(Track::Sent, 9, frame(99).as_ref());
-        drop(handle);
-        thread.join().expect("no panic");
-
-        let logs = logs_in(&directory.path().join("new"));
-        let names: Vec<_> = logs.iter().filter_map(|p| p.file_name()?.to_str()).collect();
-        assert_eq!(names, ["19700101T000000Z.sent.tlog", "19700101T000000Z.tlog"]);
-        let expected: Vec<_> = (0..500).map(|k| (1_000 + u64::from(k), frame(k))).collect();
-        assert_eq!(read(&logs[1]), expected);
-        assert_eq!(read(&logs[0]), [(9, frame(99))]);
-    }
-
-    #[test]
-    fn a_second_recording_in_the_same_second_has_its_own_name() {
-        let directory = tempfile::tempdir().expect("a directory");
-        let _first = Recorder::create(directory.path(), 0).expect("starts");
-        let _second = Recorder::create(directory.path(), 0).expect("starts");
-        assert_eq!(logs_in(directory.path()).len(), 2);
-    }
-
     #[test]
     fn what_was_given_is_on_disk_within_a_second() {
         let directory = tempfile::tempdir().expect("a directory");
-        let (handle, recorder) = Recorder::create(directory.path(), 0).expect("starts");
+        let (handle, recorder) =
+            Recorder::create(directory.path(), Policy::default(), vec!["radio".to_owned()]).expect("starts");
         let thread = std::thread::spawn(|| recorder.run());
-        handle.record(Track::Received, 5, frame(5).as_ref());
+        handle.record(Track::Received, 0, unix_us(), frame(5).as_ref());
         std::thread::sleep(Duration::from_secs(1));
-        assert_eq!(read(&logs_in(directory.path())[0]), [(5, frame(5))], "while the recorder is still running");
+        let logs: Vec<_> = std::fs::read_dir(directory.path()).expect("is there").flatten().map(|e| e.path()).collect();
+        let log = logs.iter().find(|p| p.extension().is_some_and(|e| e == "tlog")).expect("a log");
+        let mut reader = crate::wire::tlog::TlogReader::open(log).expect("readable while it is written");
+        assert!(reader.next().expect("readable").is_some());
         drop(handle);
         thread.join().expect("no panic");
     }
@@ -280,32 +260,36 @@ mod tests {
     #[test]
     fn a_place_that_cannot_be_written_is_an_error_at_the_start() {
         let file = tempfile::NamedTempFile::new().expect("a file");
-        let error = Recorder::create(&file.path().join("below"), 0).expect_err("a file is no directory");
-        assert!(matches!(error, DaemonError::Record { .. }), "{error}");
+        let error = Recorder::create(&file.path().join("below"), Policy::default(), Vec::new()).err();
+        assert!(matches!(error, Some(DaemonError::Record { .. })), "{error:?}");
     }
 
-    /// A disk with room for so many bytes.
-    #[derive(Clone)]
-    struct SmallDisk {
-        room: Arc<Mutex<usize>>,
-    }
+    /// A disk that is full from the start.
+    struct Full;
 
-    impl OpenTrack for SmallDisk {
+    impl Disk for Full {
         type File = Self;
 
-        fn open(&mut self, _: Track) -> io::Result<Self> {
-            Ok(self.clone())
+        fn create(&mut self, _: &str) -> io::Result<Self> {
+            Ok(Self)
+        }
+
+        fn sync(&mut self, _: &str) -> io::Result<()> {
+            Ok(())
+        }
+
+        fn remove(&mut self, _: &str) -> io::Result<()> {
+            Ok(())
+        }
+
+        fn list(&self) -> io::Result<Vec<(String, u64)>> {
+            Ok(Vec::new())
         }
     }
 
-    impl Write for SmallDisk {
-        fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
-            let mut room = self.room.lock().expect("not poisoned");
-            if *room < bytes.len() {
-                return Err(io::Error::from(io::ErrorKind::StorageFull));
-            }
-            *room -= bytes.len();
-            Ok(bytes.len())
+    impl Write for Full {
+        fn write(&mut self, _: &[u8]) -> io::Result<usize> {
+            Err(io::ErrorKind::StorageFull.into())
         }
 
         fn flush(&mut self) -> io::Result<()> {
@@ -313,18 +297,26 @@ mod tests {
         }
     }
 
+    impl Seek for Full {
+        fn seek(&mut self, _: SeekFrom) -> io::Result<u64> {
+            Ok(0)
+        }
+    }
+
     #[test]
     fn a_full_disk_stops_the_recording_and_nothing_else() {
-        let (handle, recorder) = Recorder::with(SmallDisk { room: Arc::new(Mutex::new(2 * BUFFER)) });
+        let session =
+            Session::begin(Full, Policy { mcap: false, ..Policy::default() }, 0).expect("nothing written yet");
+        let (handle, recorder) = Recorder::with(session, Vec::new());
         let thread = std::thread::spawn(|| recorder.run());
         let before = Instant::now();
         while !handle.state().stopped() && before.elapsed() < Duration::from_secs(20) {
-            handle.record(Track::Received, 1, frame(1).as_ref());
+            handle.record(Track::Received, 0, 1, frame(1).as_ref());
         }
         thread.join().expect("no panic");
         assert!(handle.state().stopped());
         let missed = handle.state().missed();
-        handle.record(Track::Received, 2, frame(2).as_ref());
+        handle.record(Track::Received, 0, 2, frame(2).as_ref());
         assert_eq!(handle.state().missed(), missed + 1, "still counted, and no panic");
     }
 }

@@ -1,17 +1,17 @@
 //! Starting and stopping everything.
 
 use super::batches::{self, Sender, Wake};
-use super::clock::unix_us;
 use super::estimator::{Estimator, Voice, Work, Worker};
 use super::inlet::Inlet;
 use super::links::{Bound, Outlet};
 use super::metrics;
-use super::recorder::{Files, Recorder, RecorderHandle};
+use super::recorder::{Recorder, RecorderHandle};
 use super::router::{LinkId, Router};
 use super::settings::Settings;
 use super::status::{Board, Status, StatusLines};
 use super::{DaemonError, ESTIMATOR_QUEUE};
 use crate::config::LinkUrl;
+use crate::record::session::Folder;
 use crate::routing::Rules;
 use crate::wire::stats::LinkStats;
 use std::collections::HashMap;
@@ -34,7 +34,7 @@ pub struct Daemon {
     links: Vec<Bound>,
     router: Arc<Router>,
     board: Arc<Board>,
-    recorder: Option<(RecorderHandle, Recorder<Files>)>,
+    recorder: Option<(RecorderHandle, Recorder<Folder>)>,
     metrics: Option<TcpListener>,
 }
 
@@ -82,8 +82,10 @@ impl Daemon {
         for link in &settings.links {
             links.push(Bound::bind(link).await?);
         }
+        let names = || settings.links.iter().map(|l| l.name.clone()).collect();
+        let names = || settings.links.iter().map(|l| l.name.clone()).collect();
         let recorder =
-            settings.record.as_deref().map(|directory| Recorder::create(directory, unix_us())).transpose()?;
+            settings.record.as_ref().map(|r| Recorder::create(&r.directory, r.policy, names())).transpose()?;
         let metrics = match settings.metrics {
             Some(address) => {
                 let failed = |source| DaemonError::Metrics { address, source };

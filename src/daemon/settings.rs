@@ -1,7 +1,6 @@
-use crate::config::Link;
+use crate::config::{Link, Recording};
 use crate::telemetry::requests::Need;
 use std::net::SocketAddr;
-use std::path::PathBuf;
 use std::time::Duration;
 
 /// What a [`Daemon`](super::Daemon) is to do.
@@ -11,7 +10,7 @@ pub struct Settings {
     /// What live vehicles are asked for; `None` asks for nothing, not even the time.
     pub requests: Option<Vec<Need>>,
     /// Where recordings go; `None` records nothing.
-    pub record: Option<PathBuf>,
+    pub record: Option<Recording>,
     /// How long a frame is known, to remove it when it comes again by another link.
     pub duplicates: Duration,
     /// Where Prometheus may ask for numbers.

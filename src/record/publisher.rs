@@ -62,6 +62,43 @@ pub struct NewChannel<'a> {
     pub metadata: &'a BTreeMap<String, String>,
 }
 
+/// What a reader must know about a channel, kept.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct OwnedChannel {
+    pub topic: String,
+    pub schema_name: String,
+    pub schema_encoding: String,
+    pub schema: Vec<u8>,
+    pub encoding: String,
+    pub metadata: BTreeMap<String, String>,
+}
+
+impl OwnedChannel {
+    pub fn borrowed(&self) -> NewChannel<'_> {
+        NewChannel {
+            topic: &self.topic,
+            schema_name: &self.schema_name,
+            schema_encoding: &self.schema_encoding,
+            schema: &self.schema,
+            encoding: &self.encoding,
+            metadata: &self.metadata,
+        }
+    }
+}
+
+impl From<&NewChannel<'_>> for OwnedChannel {
+    fn from(new: &NewChannel<'_>) -> Self {
+        Self {
+            topic: new.topic.to_owned(),
+            schema_name: new.schema_name.to_owned(),
+            schema_encoding: new.schema_encoding.to_owned(),
+            schema: new.schema.to_vec(),
+            encoding: new.encoding.to_owned(),
+            metadata: new.metadata.clone(),
+        }
+    }
+}
+
 /// Makes topics of frames, bad bytes, gaps and estimates.
 pub struct Publisher<S> {
     pub(super) sink: S,
@@ -189,8 +226,10 @@ impl<S: ChannelSink> Publisher<S> {
     }
 
     /// When a vehicle made something that it stamped so, on the receiver's clock, ns since 1970.
-    pub(super) fn made_at_ns(&self, system: u8, component: u8, stamp: Stamp, received_ns: u64) -> u64 {
-        self.times.get(&(system, component)).map_or(received_ns, |time| time.unix_ns(stamp, received_ns))
+    pub(super) fn made_at_ns(&mut self, system: u8, component: u8, stamp: Stamp, received_ns: u64) -> u64 {
+        let time = self.times.entry((system, component)).or_default();
+        time.learn(stamp, received_ns);
+        time.unix_ns(stamp, received_ns)
     }
 
     fn open_channel(&mut self, key: Key, frame: FrameRef<'_>) -> Result<Channel, RecordError> {

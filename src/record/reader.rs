@@ -82,10 +82,7 @@ impl<R: Read> McapReader<R> {
         while !self.ended {
             let (opcode, data) = match self.reader.next_event() {
                 None => break,
-                Some(Err(mcap::McapError::UnexpectedEof)) => {
-                    self.cut_off = true;
-                    break;
-                }
+                Some(Err(mcap::McapError::UnexpectedEof)) => break,
                 Some(Err(error)) => return Err(RecordError::reading(error)),
                 Some(Ok(LinearReadEvent::ReadRequest(n))) => {
                     let into = self.reader.insert(n.max(WINDOW));
@@ -106,10 +103,14 @@ impl<R: Read> McapReader<R> {
                 records::Record::Message { header, data } if self.restore.message(&header, &data)? => {
                     return Ok(Some(self.restore.record()));
                 }
-                records::Record::DataEnd(_) => break,
+                records::Record::DataEnd(_) => {
+                    self.ended = true;
+                    return Ok(None);
+                }
                 _ => {}
             }
         }
+        self.cut_off |= !self.ended;
         self.ended = true;
         Ok(None)
     }

@@ -14,6 +14,16 @@ pub struct McapWriter<W: Write + Seek> {
     publisher: Publisher<mcap::Writer<W>>,
 }
 
+impl<W: Write + Seek> ChannelSink for McapWriter<W> {
+    fn channel(&mut self, new: &NewChannel<'_>) -> Result<u16, RecordError> {
+        self.publisher.sink.channel(new)
+    }
+
+    fn message(&mut self, header: &MessageHeader, data: &[u8]) -> Result<(), RecordError> {
+        self.publisher.sink.message(header, data)
+    }
+}
+
 impl<W: Write + Seek> ChannelSink for mcap::Writer<W> {
     fn channel(&mut self, new: &NewChannel<'_>) -> Result<u16, RecordError> {
         let schema = self.add_schema(new.schema_name, new.schema_encoding, new.schema).map_err(RecordError::writing)?;
@@ -46,6 +56,8 @@ impl<W: Write + Seek> McapWriter<W> {
         let options = mcap::WriteOptions::new()
             .library(concat!("mavobserver ", env!("CARGO_PKG_VERSION")))
             .chunk_size(Some(CHUNK))
+            // a chunk reaches the file whole or not at all, so a cut-off file ends within a record and nowhere else
+            .disable_seeking(true)
             // several files are converted at once instead
             .compression_threads(0);
         let sink = options.create(sink).map_err(RecordError::writing)?;

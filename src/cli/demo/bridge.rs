@@ -1,6 +1,7 @@
 use crate::cli::{Failure, run};
-use crate::config::{Config, LinkUrl};
+use crate::config::{Config, LinkUrl, Recording};
 use crate::daemon::{Daemon, LinkId};
+use crate::record::session::Policy;
 use crate::vehicle::Vehicle;
 use std::net::SocketAddr;
 use std::path::{Path, PathBuf};
@@ -21,7 +22,7 @@ impl Bridge {
     pub fn start(model: Arc<Vehicle>, out: &Path) -> Result<Self, Failure> {
         let mut config = Config::default();
         config.vehicles.default = Some(Arc::clone(&model));
-        config.record = Some(out.to_owned());
+        config.record = Some(Recording { directory: out.to_owned(), policy: Policy::default() });
         for name in ["vehicle", "ground"] {
             config.add_link(LinkUrl::UdpIn { host: "127.0.0.1".to_owned(), port: 0 });
             if let Some(link) = config.links.last_mut() {

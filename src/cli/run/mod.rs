@@ -5,7 +5,7 @@ mod service;
 
 use super::check::{self, CheckArgs};
 use super::{ConfigArgs, Failure, print};
-use crate::config::{Config, LinkUrl};
+use crate::config::{Config, LinkUrl, Recording};
 use crate::daemon::{Daemon, DaemonError, Settings, Summary, steady_ns};
 use crate::observers;
 use crate::pipeline::{Fleet, FleetSettings};
@@ -45,7 +45,7 @@ pub struct RunArgs {
     /// serial:DEVICE:BAUD[?flow=rtscts], tlog:FILE[?speed=N|max]
     #[arg(long = "link", value_name = "URL")]
     pub links: Vec<LinkUrl>,
-    /// Record every received frame, and what was sent beside it, as .tlog files in this directory
+    /// Record every received frame, what was sent, and the estimates, as .tlog and .mcap files in this directory
     #[arg(long, value_name = "DIR")]
     pub record: Option<PathBuf>,
     /// Ask the vehicles for nothing
@@ -99,7 +99,10 @@ fn load(args: &RunArgs) -> Result<Config, Failure> {
         warn!("{warning}");
     }
     args.links.iter().for_each(|url| config.add_link(url.clone()));
-    config.record = args.record.clone().or(config.record);
+    if let Some(directory) = args.record.clone() {
+        let policy = config.record.map(|r| r.policy).unwrap_or_default();
+        config.record = Some(Recording { directory, policy });
+    }
     config.requests.streams &= !args.no_requests;
     if args.no_observers {
         config.observers.clear();

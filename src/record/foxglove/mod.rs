@@ -1,7 +1,7 @@
 //! Foxglove's own message types, for its map, 3D and log panels: made from the usual telemetry and from estimates.
 //!
-//! Frames: `map` has its z axis up, as the panels expect; `SYSTEM/ned` is the vehicle's local frame in it, and
-//! `SYSTEM/body` the vehicle (FRD).
+//! Frames: `map` has its z axis up, as the panels expect; `SYSTEM/ned` is the vehicle's local frame in it, `SYSTEM/here`
+//! the same moved to the vehicle, and `SYSTEM/body` the vehicle (FRD).
 
 mod schemas;
 
@@ -33,9 +33,9 @@ pub(super) struct Scene {
 
 #[derive(Debug)]
 struct Vehicle {
-    position_ned_m: Vector3<f64>,
-    body_to_ned: UnitQuaternion<f64>,
     has_quaternion: bool,
+    /// The local frame has its place in the map.
+    is_placed: bool,
     topics: Topics,
 }
 
@@ -47,13 +47,15 @@ struct Topics {
     log: String,
     scene: String,
     ned: String,
+    here: String,
     body: String,
 }
 
 /// What a frame gives for the panels.
 enum Given {
     Location { gnss: bool, latitude_deg: f64, longitude_deg: f64, altitude_m: f64 },
-    Pose,
+    Position(Vector3<f64>),
+    Attitude(UnitQuaternion<f64>),
     Log { level: u64, text: Vec<u8> },
 }
 
@@ -67,14 +69,10 @@ impl Vehicle {
             log: topic("log"),
             scene: topic("scene"),
             ned: format!("{system}/ned"),
+            here: format!("{system}/here"),
             body: format!("{system}/body"),
         };
-        Self {
-            position_ned_m: Vector3::zeros(),
-            body_to_ned: UnitQuaternion::identity(),
-            has_quaternion: false,
-            topics,
-        }
+        Self { has_quaternion: false, is_placed: false, topics }
     }
 
     fn take(&mut self, frame: FrameRef<'_>) -> Option<Given> {
@@ -94,20 +92,15 @@ impl Vehicle {
                 longitude_deg: degrees(12),
                 altitude_m: f64::from(f.i32(16)) * 1e-3,
             }),
-            LOCAL_POSITION_NED => {
-                self.position_ned_m = Vector3::new(f.f32(4), f.f32(8), f.f32(12)).cast();
-                Some(Given::Pose)
-            }
+            LOCAL_POSITION_NED => Some(Given::Position(Vector3::new(f.f32(4), f.f32(8), f.f32(12)).cast())),
             ATTITUDE_QUATERNION => {
                 let q = Quaternion::new(f.f32(4), f.f32(8), f.f32(12), f.f32(16)).cast();
-                self.body_to_ned = UnitQuaternion::try_new(q, 1e-6)?;
                 self.has_quaternion = true;
-                Some(Given::Pose)
+                UnitQuaternion::try_new(q, 1e-6).map(Given::Attitude)
             }
             ATTITUDE if !self.has_quaternion => {
                 let [roll, pitch, yaw] = [f.f32(4), f.f32(8), f.f32(12)].map(f64::from);
-                self.body_to_ned = UnitQuaternion::from_euler_angles(roll, pitch, yaw);
-                Some(Given::Pose)
+                Some(Given::Attitude(UnitQuaternion::from_euler_angles(roll, pitch, yaw)))
             }
             STATUSTEXT => {
                 // MAV_SEVERITY falls, Foxglove's levels rise
@@ -145,7 +138,6 @@ impl<S: ChannelSink> Publisher<S> {
 
     fn panels_of(&mut self, scene: &mut Scene, log: u64, publish: u64, frame: FrameRef<'_>) -> Result<(), RecordError> {
         let system = frame.system_id();
-        let is_new = !scene.vehicles.contains_key(&system);
         let vehicle = scene.vehicles.entry(system).or_insert_with(|| Vehicle::new(system));
         let Some(given) = vehicle.take(frame) else { return Ok(()) };
         let topics = &vehicle.topics;
@@ -160,17 +152,20 @@ impl<S: ChannelSink> Publisher<S> {
                     out.put_bytes(7, topics.body.as_bytes());
                 })
             }
-            Given::Pose => {
-                if is_new {
+            Given::Position(position) => {
+                if !vehicle.is_placed {
+                    vehicle.is_placed = true;
                     // half a turn about the axis between x and y takes NED to ENU
-                    let up = UnitQuaternion::from_axis_angle(
-                        &nalgebra::Unit::new_normalize(Vector3::new(1.0, 1.0, 0.0)),
-                        std::f64::consts::PI,
-                    );
+                    let axis = nalgebra::Unit::new_normalize(Vector3::new(1.0, 1.0, 0.0));
+                    let up = UnitQuaternion::from_axis_angle(&axis, std::f64::consts::PI);
                     self.transform(topics, (log, publish), ("map", &topics.ned), &Vector3::zeros(), &up)?;
                 }
-                let (position, rotation) = (&vehicle.position_ned_m, &vehicle.body_to_ned);
-                self.transform(topics, (log, publish), (&topics.ned, &topics.body), position, rotation)
+                let frames = (topics.ned.as_str(), topics.here.as_str());
+                self.transform(topics, (log, publish), frames, &position, &UnitQuaternion::identity())
+            }
+            Given::Attitude(rotation) => {
+                let frames = (topics.here.as_str(), topics.body.as_str());
+                self.transform(topics, (log, publish), frames, &Vector3::zeros(), &rotation)
             }
             Given::Log { level, text } => {
                 self.derived(&topics.log, (log, publish), "Log", schemas::PACKAGE, schemas::log, |out| {
@@ -207,16 +202,16 @@ impl<S: ChannelSink> Publisher<S> {
         let mut scene = std::mem::take(&mut self.scene);
         let system = s.vehicle.system;
         let vehicle = scene.vehicles.entry(system).or_insert_with(|| Vehicle::new(system));
-        let (topics, at) = (&vehicle.topics, vehicle.position_ned_m);
+        let topics = &vehicle.topics;
         let force = wrench.force_ned_n * METRES_PER_NEWTON;
         let torque = wrench.torque_frd_nm * METRES_PER_NEWTON_METRE;
         let result =
             self.derived(&topics.scene, times, "SceneUpdate", schemas::PACKAGE, schemas::scene_update, |out| {
-                put_arrow(out, times.1, &topics.ned, "force", &at, &force, [1.0, 0.3, 0.1]);
-                put_arrow(out, times.1, &topics.body, "torque", &Vector3::zeros(), &torque, [0.9, 0.2, 0.9]);
+                put_arrow(out, times.1, &topics.here, "force", &force, [1.0, 0.3, 0.1]);
+                put_arrow(out, times.1, &topics.body, "torque", &torque, [0.9, 0.2, 0.9]);
                 if let Some(wind) = s.wind {
                     let velocity = wind.velocity_ned_mps * METRES_PER_MPS;
-                    put_arrow(out, times.1, &topics.ned, "wind", &at, &velocity, [0.1, 0.5, 1.0]);
+                    put_arrow(out, times.1, &topics.here, "wind", &velocity, [0.1, 0.5, 1.0]);
                 }
             });
         self.scene = scene;
@@ -240,16 +235,8 @@ fn put_quaternion(out: &mut Vec<u8>, q: &UnitQuaternion<f64>) {
     (1..).zip(q.coords.iter()).for_each(|(number, &x)| out.put_f64(number, x));
 }
 
-/// One entity of a SceneUpdate: an arrow from `from` along `along`, both in `frame`.
-fn put_arrow(
-    out: &mut Vec<u8>,
-    unix_ns: u64,
-    frame: &str,
-    id: &str,
-    from: &Vector3<f64>,
-    along: &Vector3<f64>,
-    color: [f64; 3],
-) {
+/// One entity of a SceneUpdate: an arrow from the origin of `frame` along `along`.
+fn put_arrow(out: &mut Vec<u8>, unix_ns: u64, frame: &str, id: &str, along: &Vector3<f64>, color: [f64; 3]) {
     const HEAD_M: f64 = 0.15;
     let length = along.norm();
     // an arrow of no length has no direction
@@ -261,7 +248,7 @@ fn put_arrow(
         out.put_bytes(3, id.as_bytes());
         out.put_message(7, |out| {
             out.put_message(1, |out| {
-                out.put_message(1, |out| put_vector(out, from));
+                out.put_message(1, |out| put_vector(out, &Vector3::zeros()));
                 out.put_message(2, |out| put_quaternion(out, &turn));
             });
             out.put_f64(2, (length - HEAD_M).max(0.0));

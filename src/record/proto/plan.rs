@@ -219,7 +219,8 @@ impl Step {
             }
             (Action::I8 | Action::I16, Value::Varint(v)) => put_low(to, unzigzag(v) as u64),
             (Action::Block, Value::Bytes(bytes)) if bytes.len() == to.len() => to.copy_from_slice(bytes),
-            (Action::Text, Value::Bytes(bytes)) => to.get_mut(..bytes.len())?.copy_from_slice(bytes),
+            // replacement characters may make it longer than the field; the whole frame stands beside it then
+            (Action::Text, Value::Bytes(bytes)) => to.iter_mut().zip(bytes).for_each(|(to, byte)| *to = *byte),
             (Action::List(kind, as_enum), Value::Bytes(mut bytes)) => {
                 let zigzagged = matches!(kind, Kind::I8 | Kind::I16) && !as_enum;
                 for to in to.chunks_exact_mut(kind.size()) {
