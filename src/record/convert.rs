@@ -1,6 +1,8 @@
 //! One log into another form.
 
 use super::error::RecordError;
+use super::files::FileKind;
+use super::foreign;
 use super::publisher::{Arrival, Counts, Encoding};
 use super::reader::McapReader;
 use super::topics;
@@ -11,6 +13,7 @@ use sha2::{Digest, Sha256};
 use std::collections::BTreeMap;
 use std::fs::File;
 use std::io::{self, Read, Seek, Write};
+use std::ops::ControlFlow;
 use std::path::Path;
 
 /// What a conversion found.
@@ -70,6 +73,56 @@ pub fn log_to_mcap<W: Write + Seek>(
         writer.inventory().vehicles().map(|((s, c), kind, autopilot)| (s, c, kind, autopilot)).collect();
     converted.parameters = writer.inventory().parameters();
     let summary = [("sha256", source.hash()), ("bytes", source.bytes.to_string())];
+    let sink = writer.finish(summary.map(|(k, v)| (k.to_owned(), v)).into())?;
+    Ok((converted, sink))
+}
+
+/// Converts a log that an autopilot wrote itself into MCAP, each of its messages under its own name.
+///
+/// # Errors
+/// The log cannot be read or is none, or the sink cannot be written to.
+pub fn autopilot_log_to_mcap<W: Write + Seek>(
+    input: &Path,
+    kind: FileKind,
+    sink: W,
+    read: &mut dyn FnMut(u64),
+) -> Result<(Converted, W), RecordError> {
+    let offset = foreign::unix_minus_boot_us(input, kind)?;
+    let mut writer = McapWriter::new(sink, Encoding::Protobuf)?;
+    let format = if kind == FileKind::Ulog { "ulog" } else { "dataflash" };
+    writer.metadata(topics::SOURCE, source_metadata(input, format))?;
+    let mut converted = Converted::default();
+    // what has no time of its own, or comes before there is one, is filed under the time known by then
+    let timed = |row: &foreign::Row<'_>| row.boot_us().filter(|&us| us > 0);
+    let unix_ns = |boot_us: u64| boot_us.saturating_add(offset.unwrap_or(0)).saturating_mul(1_000);
+    foreign::read_rows(input, kind, &mut |row| match timed(&row) {
+        Some(us) => {
+            writer.begin_at_ns(unix_ns(us));
+            ControlFlow::Break(())
+        }
+        None => ControlFlow::Continue(()),
+    })?;
+    let mut written = Ok(());
+    let complete = foreign::read_rows(input, kind, &mut |row| {
+        let at = timed(&row).map_or(writer.last_ns, unix_ns);
+        writer.last_ns = at;
+        converted.counts.frames += 1;
+        converted.saw(Some(at));
+        let (name, package) = row.type_name();
+        written = writer.derived(&row.topic(), (at, at), &name, package, || row.schema(), |out| row.encode(out));
+        if written.is_ok() { ControlFlow::Continue(()) } else { ControlFlow::Break(()) }
+    })?;
+    written?;
+    converted.cut_off = !complete;
+    // the parsers read for themselves: what is hashed and told as progress is the file once more
+    let mut source = Hashing::open(input, read)?;
+    io::copy(&mut source, &mut io::sink()).map_err(RecordError::Read)?;
+    let summary = [
+        ("sha256", source.hash()),
+        ("bytes", source.bytes.to_string()),
+        ("messages", converted.counts.frames.to_string()),
+        ("date", if offset.is_some() { "from GNSS" } else { "unknown: times count from boot" }.to_owned()),
+    ];
     let sink = writer.finish(summary.map(|(k, v)| (k.to_owned(), v)).into())?;
     Ok((converted, sink))
 }

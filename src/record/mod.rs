@@ -12,6 +12,7 @@ mod convert;
 mod error;
 mod estimates;
 mod files;
+pub mod foreign;
 mod foxglove;
 mod inventory;
 mod json;
@@ -25,7 +26,7 @@ mod time;
 pub mod topics;
 mod writer;
 
-pub use convert::{Converted, log_to_mcap, mcap_to_log};
+pub use convert::{Converted, autopilot_log_to_mcap, log_to_mcap, mcap_to_log};
 pub use error::RecordError;
 pub use files::{FileKind, NewFile};
 pub use inventory::Inventory;

@@ -1,6 +1,8 @@
 use super::inputs::Input;
 use crate::cli::Failure;
-use crate::record::{Converted, Encoding, FileKind, NewFile, RecordError, log_to_mcap, mcap_to_log};
+use crate::record::{
+    Converted, Encoding, FileKind, NewFile, RecordError, autopilot_log_to_mcap, log_to_mcap, mcap_to_log,
+};
 use serde_json::{Value, json};
 use std::collections::BTreeMap;
 use std::io::{BufWriter, Write};
@@ -87,9 +89,7 @@ impl Job {
         let (converted, sink) = match kind {
             FileKind::Mcap => mcap_to_log(&self.input, sink, read)?,
             FileKind::Telemetry => log_to_mcap(&self.input, sink, encoding, read)?,
-            FileKind::Ulog | FileKind::Dataflash => {
-                return Err(RecordError::Unsupported("this kind of log is not converted".to_owned()));
-            }
+            FileKind::Ulog | FileKind::Dataflash => autopilot_log_to_mcap(&self.input, kind, sink, read)?,
         };
         let mut inner = sink.into_inner().map_err(|e| RecordError::Write(e.into_error()))?;
         inner.flush().map_err(RecordError::Write)?;

@@ -11,6 +11,9 @@ pub(in crate::record) trait PutProto {
     fn put_bytes(&mut self, number: u32, bytes: &[u8]);
     fn put_u64(&mut self, number: u32, value: u64);
     fn put_f64(&mut self, number: u32, value: f64);
+    fn put_f32(&mut self, number: u32, value: f32);
+    /// As zigzag: `sint32`, `sint64`.
+    fn put_i64(&mut self, number: u32, value: i64);
     /// A message within the message. Its length is known only afterwards, so the bytes are moved once.
     fn put_message(&mut self, number: u32, write: impl FnOnce(&mut Self));
 }
@@ -39,6 +42,15 @@ impl PutProto for Vec<u8> {
     fn put_f64(&mut self, number: u32, value: f64) {
         self.put_varint(tag(number, FIXED64));
         self.extend_from_slice(&value.to_le_bytes());
+    }
+
+    fn put_f32(&mut self, number: u32, value: f32) {
+        self.put_varint(tag(number, FIXED32));
+        self.extend_from_slice(&value.to_le_bytes());
+    }
+
+    fn put_i64(&mut self, number: u32, value: i64) {
+        self.put_u64(number, zigzag(value));
     }
 
     fn put_message(&mut self, number: u32, write: impl FnOnce(&mut Self)) {
