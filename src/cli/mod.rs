@@ -11,6 +11,7 @@ pub mod design;
 pub mod evaluate;
 mod logging;
 mod output;
+pub mod recover;
 pub mod replay;
 pub mod run;
 pub mod sim;
@@ -42,6 +43,7 @@ enum Command {
     Run(run::RunArgs),
     Replay(replay::ReplayArgs),
     Convert(convert::ConvertArgs),
+    Recover(recover::RecoverArgs),
     Check(check::CheckArgs),
     Tap(tap::TapArgs),
     Sim(sim::SimArgs),
@@ -106,6 +108,7 @@ pub fn run(cli: Cli) -> Result<(), Failure> {
         Command::Run(args) => run::run(args),
         Command::Replay(args) => replay::run(&args),
         Command::Convert(args) => convert::run(&args),
+        Command::Recover(args) => recover::run(&args),
         Command::Check(args) => check::run(args),
         Command::Tap(args) => tap::run(&args),
         Command::Sim(args) => sim::run(&args),

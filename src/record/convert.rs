@@ -3,14 +3,12 @@
 use super::error::RecordError;
 use super::files::FileKind;
 use super::foreign;
-use super::publisher::{Arrival, Counts, Encoding};
+use super::publisher::{Counts, Encoding};
 use super::reader::McapReader;
-use super::topics;
 use super::writer::McapWriter;
 use crate::wire::Event;
-use crate::wire::tlog::{LogFormat, Record, TlogReader};
+use crate::wire::tlog::{LogFormat, TlogReader};
 use sha2::{Digest, Sha256};
-use std::collections::BTreeMap;
 use std::fs::File;
 use std::io::{self, Read, Seek, Write};
 use std::ops::ControlFlow;
@@ -54,18 +52,14 @@ pub fn log_to_mcap<W: Write + Seek>(
     let mut reader = TlogReader::new(&mut source)?;
     let stamped = reader.format() == LogFormat::Stamped;
     let mut writer = McapWriter::new(sink, encoding)?;
-    writer.metadata(topics::SOURCE, source_metadata(input, if stamped { "tlog" } else { "raw" }))?;
+    writer.source(&name_of(input), if stamped { "tlog" } else { "raw" })?;
     writer.begin_at_ns(first_us.unwrap_or(0).saturating_mul(1_000));
     let mut converted = Converted::default();
     while let Some(record) = reader.next()? {
-        let arrival = arrival(&record, stamped);
-        match record.event {
-            Event::Frame(frame) => {
-                converted.saw(arrival.unix_ns);
-                writer.frame(0, arrival, frame)?;
-            }
-            Event::Bad(bad) => writer.bad(arrival, &bad)?,
+        if let Event::Frame(_) = record.event {
+            converted.saw(record.received_unix_us.and_then(|us| us.checked_mul(1_000)));
         }
+        writer.record(&record, stamped)?;
     }
     drop(reader);
     converted.counts = writer.counts();
@@ -90,7 +84,7 @@ pub fn autopilot_log_to_mcap<W: Write + Seek>(
     let offset = foreign::unix_minus_boot_us(input, kind)?;
     let mut writer = McapWriter::new(sink, Encoding::Protobuf)?;
     let format = if kind == FileKind::Ulog { "ulog" } else { "dataflash" };
-    writer.metadata(topics::SOURCE, source_metadata(input, format))?;
+    writer.source(&name_of(input), format)?;
     let mut converted = Converted::default();
     // what has no time of its own, or comes before there is one, is filed under the time known by then
     let timed = |row: &foreign::Row<'_>| row.boot_us().filter(|&us| us > 0);
@@ -160,14 +154,6 @@ pub fn mcap_to_log<W: Write>(
     Ok((converted, sink))
 }
 
-/// How a record's time is kept: receive times are whole microseconds, so nearly all are the log time exactly.
-pub(super) fn arrival<'a>(record: &Record<'a>, stamped: bool) -> Arrival<'a> {
-    let unix_ns = record.received_unix_us.and_then(|us| us.checked_mul(1_000));
-    let regular = record.received_unix_us.filter(|_| unix_ns.is_some()).map(u64::to_be_bytes);
-    let irregular = stamped && regular.is_none_or(|bytes| bytes != record.stamp);
-    Arrival { unix_ns, raw_stamp: irregular.then_some(record.stamp) }
-}
-
 /// The first receive time of a log, if it holds any: a bad stretch before it is filed under it.
 fn first_received(input: &Path) -> Result<Option<u64>, RecordError> {
     let mut reader = TlogReader::open(input)?;
@@ -182,9 +168,8 @@ fn first_received(input: &Path) -> Result<Option<u64>, RecordError> {
     Ok(None)
 }
 
-fn source_metadata(input: &Path, format: &str) -> BTreeMap<String, String> {
-    let name = input.file_name().map_or_else(String::new, |n| n.to_string_lossy().into_owned());
-    [("name", name), ("format", format.to_owned())].map(|(k, v)| (k.to_owned(), v)).into()
+fn name_of(input: &Path) -> String {
+    input.file_name().map_or_else(String::new, |n| n.to_string_lossy().into_owned())
 }
 
 /// A file whose bytes are counted and hashed as they are read.

@@ -7,6 +7,7 @@ use super::time::{ComponentTime, OwnTime};
 use super::{own, topics};
 use crate::signal::Stamp;
 use crate::wire::definitions::definition;
+use crate::wire::tlog::Record;
 use crate::wire::{BadFrame, Check, FrameRef};
 use mcap::records::MessageHeader;
 use std::collections::{BTreeMap, HashMap};
@@ -28,7 +29,16 @@ pub struct Arrival<'a> {
     pub raw_stamp: Option<&'a [u8]>,
 }
 
-impl Arrival<'_> {
+impl<'a> Arrival<'a> {
+    /// How a record's time is kept: receive times are whole microseconds, so nearly all are the log time exactly.
+    /// `stamped` says whether the log holds receive times.
+    pub fn of(record: &Record<'a>, stamped: bool) -> Self {
+        let unix_ns = record.received_unix_us.and_then(|us| us.checked_mul(1_000));
+        let regular = record.received_unix_us.filter(|_| unix_ns.is_some()).map(u64::to_be_bytes);
+        let irregular = stamped && regular.is_none_or(|bytes| bytes != record.stamp);
+        Self { unix_ns, raw_stamp: irregular.then_some(record.stamp) }
+    }
+
     /// Just received.
     pub fn at_us(unix_us: u64) -> Self {
         Self { unix_ns: Some(unix_us.saturating_mul(1_000)), raw_stamp: None }

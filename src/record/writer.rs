@@ -1,6 +1,8 @@
 use super::error::RecordError;
-use super::publisher::{ChannelSink, Counts, Encoding, NewChannel, Publisher};
+use super::publisher::{Arrival, ChannelSink, Counts, Encoding, NewChannel, Publisher};
 use super::topics;
+use crate::wire::Event;
+use crate::wire::tlog::Record;
 use mcap::records::MessageHeader;
 use std::collections::BTreeMap;
 use std::io::{Seek, Write};
@@ -62,6 +64,27 @@ impl<W: Write + Seek> McapWriter<W> {
             .compression_threads(0);
         let sink = options.create(sink).map_err(RecordError::writing)?;
         Ok(Self { publisher: Publisher::new(sink, encoding) })
+    }
+
+    /// Records what stands in a log; `stamped` says whether that log holds receive times.
+    ///
+    /// # Errors
+    /// Those of the sink.
+    pub fn record(&mut self, record: &Record<'_>, stamped: bool) -> Result<(), RecordError> {
+        let arrival = Arrival::of(record, stamped);
+        match record.event {
+            Event::Frame(frame) => self.frame(0, arrival, frame),
+            Event::Bad(bad) => self.bad(arrival, &bad),
+        }
+    }
+
+    /// Says what a recording is made from: the name of the source, and its format.
+    ///
+    /// # Errors
+    /// Those of the sink.
+    pub fn source(&mut self, name: &str, format: &str) -> Result<(), RecordError> {
+        let source = [("name", name), ("format", format)].map(|(k, v)| (k.to_owned(), v.to_owned()));
+        self.metadata(topics::SOURCE, source.into())
     }
 
     /// Adds a metadata record.

@@ -7,7 +7,7 @@ use super::{Failure, print};
 use crate::record::Encoding;
 use indicatif::{ProgressBar, ProgressStyle};
 use job::{Job, Outcome};
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::sync::Mutex;
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::thread;
@@ -21,7 +21,8 @@ const EXAMPLES: &str = "Examples:
 
 /// Turn telemetry logs into MCAP recordings, and recordings back into telemetry logs
 ///
-/// Reads .tlog files, MAVLink streams without time stamps (.rlog, .raw), and MCAP; what a file is, its content tells. The
+/// Reads .tlog files, MAVLink streams without time stamps (.rlog, .raw), PX4's ULog, ArduPilot's dataflash logs (.bin), and
+/// MCAP; what a file is, its content tells. The
 /// recordings open in Foxglove, PlotJuggler and rerun: protobuf with units and enum names, one topic for each message.
 #[derive(Debug, clap::Args)]
 #[command(after_help = EXAMPLES)]
@@ -60,6 +61,11 @@ impl From<EncodingArg> for Encoding {
             EncodingArg::Json => Self::Json,
         }
     }
+}
+
+/// The logs in a folder and below, by name.
+pub(super) fn logs_below(folder: &Path) -> Result<Vec<PathBuf>, Failure> {
+    Ok(inputs::find(&[folder.to_owned()])?.into_iter().map(|input| input.path).collect())
 }
 
 pub fn run(args: &ConvertArgs) -> Result<(), Failure> {

@@ -1,5 +1,6 @@
+use super::curves::verdict_name;
 use crate::pipeline::{Snapshot, VehicleId, VehicleKind};
-use crate::signal::{Stamp, Verdict};
+use crate::signal::Stamp;
 use crate::wire::message_info;
 use crate::wire::stats::{LinkStats, Source};
 use serde::Serialize;
@@ -88,16 +89,6 @@ pub struct WindRow {
     /// Mean half-width of the horizontal components; `None` where nothing is claimed.
     pub half_width_mps: Option<f64>,
     pub force_n: f64,
-}
-
-fn verdict_name(v: Verdict) -> &'static str {
-    match v {
-        Verdict::Consistent => "consistent",
-        Verdict::Settling => "settling",
-        Verdict::AssumptionViolated => "violated",
-        Verdict::Starved => "starved",
-        Verdict::Grounded => "grounded",
-    }
 }
 
 impl Summary {

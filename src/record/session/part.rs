@@ -6,7 +6,6 @@ use super::policy::Policy;
 use crate::record::error::RecordError;
 use crate::record::publisher::{Arrival, ChannelSink, Encoding, OwnedChannel};
 use crate::record::time::file_stamp;
-use crate::record::topics;
 use crate::record::writer::McapWriter;
 use crate::wire::FrameRef;
 use crate::wire::tlog::TlogWriter;
@@ -173,8 +172,7 @@ fn begin_mcap<F: Write + Seek>(
 ) -> Result<McapWriter<Counted<BufWriter<F>>>, RecordError> {
     let sink = Counted { inner: BufWriter::with_capacity(BUFFER, file), bytes };
     let mut mcap = McapWriter::new(sink, Encoding::Protobuf)?;
-    let source = [("name", "live"), ("format", "tlog")].map(|(k, v)| (k.to_owned(), v.to_owned()));
-    mcap.metadata(topics::SOURCE, source.into())?;
+    mcap.source("live", "tlog")?;
     Ok(mcap)
 }
 

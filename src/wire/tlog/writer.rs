@@ -22,6 +22,14 @@ impl<W: Write> TlogWriter<W> {
         self.sink.write_all(frame.bytes())
     }
 
+    /// Appends one frame without a time: an `.rlog` holds nothing else.
+    ///
+    /// # Errors
+    /// Those of the sink.
+    pub fn write_raw(&mut self, frame: FrameRef<'_>) -> io::Result<()> {
+        self.sink.write_all(frame.bytes())
+    }
+
     /// # Errors
     /// Those of the sink.
     pub fn flush(&mut self) -> io::Result<()> {
