@@ -82,10 +82,9 @@ impl Daemon {
         for link in &settings.links {
             links.push(Bound::bind(link).await?);
         }
-        let names = || settings.links.iter().map(|l| l.name.clone()).collect();
-        let names = || settings.links.iter().map(|l| l.name.clone()).collect();
+        let link_names = || settings.links.iter().map(|l| l.name.clone()).collect();
         let recorder =
-            settings.record.as_ref().map(|r| Recorder::create(&r.directory, r.policy, names())).transpose()?;
+            settings.record.as_ref().map(|r| Recorder::create(&r.directory, r.policy, link_names())).transpose()?;
         let metrics = match settings.metrics {
             Some(address) => {
                 let failed = |source| DaemonError::Metrics { address, source };
