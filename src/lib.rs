@@ -29,8 +29,7 @@
 //! | [`record`] | MCAP recordings: schemas, writing, reading, conversion, recovery | `wire`, `signal`, `telemetry`, `pipeline` |
 //! | [`sim`] | a multirotor in software: physics, air, sensors, autopilot, MAVLink feed | `document`, `signal`, `vehicle`, `wire` |
 //! | [`evaluate`] | simulated flights with known truth, and scores of the estimates | `observers`, `pipeline`, `sim`, `signal`, `vehicle`, `wire` |
-//! | [`config`] | TOML → checked config, every issue at once | `document`, `vehicle`, `observers`, `pipeline`, `outputs`, `routing`, `wire` |
-//! | [`config`] | TOML → checked config, every issue at once | `document`, `vehicle`, `observers`, `pipeline`, `outputs`, `wire`, `record` |
+//! | [`config`] | TOML → checked config, every issue at once | `document`, `vehicle`, `observers`, `pipeline`, `outputs`, `record`, `routing`, `wire` |
 //! | [`daemon`] | links, forwarding, recording: the only place with tokio | everything |
 //! | [`cli`] | one file per subcommand | everything |
 //!
