@@ -4,8 +4,9 @@ use crate::faults::FaultBank;
 use crate::signal::{Channel, Guarantee, Measurement, Verdict};
 use crate::telemetry::{Aligner, Decoded, Decoder};
 use crate::vehicle::{SEA_LEVEL_KGM3, Vehicle};
-use crate::wind::{Flow, ForceInterval, Wind, wind_from_force};
+use crate::wind::{Flow, ForceInterval, WindObserver};
 use crate::wire::FrameRef;
+use nalgebra::{UnitQuaternion, Vector3};
 use std::sync::Arc;
 
 /// One vehicle from frames to snapshots.
@@ -17,6 +18,7 @@ pub struct Chain {
     /// In the order of their ids, whatever the order in the config.
     slots: Vec<Slot>,
     faults: FaultBank,
+    wind: WindObserver,
     clock: Option<Clock>,
 }
 
@@ -29,6 +31,7 @@ impl Chain {
             faults: FaultBank::new(&vehicle),
             vehicle,
             slots,
+            wind: WindObserver::default(),
             clock,
         }
     }
@@ -86,7 +89,7 @@ impl Chain {
         }
         self.faults.step(m);
         let wrench = self.slots.iter().find_map(Slot::wrench);
-        let wind = wrench.as_ref().and_then(|w| self.wind(m, w));
+        let wind = self.wind(m, wrench.as_ref());
         let snapshot = Snapshot {
             vehicle: self.id,
             stamp: m.stamp,
@@ -100,10 +103,40 @@ impl Chain {
         sink(self, &snapshot, m);
     }
 
-    fn wind(&self, m: &Measurement, wrench: &WrenchEstimate) -> Option<WindEstimate> {
-        let flow = Flow {
+    fn wind(&mut self, m: &Measurement, wrench: Option<&WrenchEstimate>) -> Option<WindEstimate> {
+        if m.discontinuity.is_some() {
+            self.wind.reset();
+        }
+        let Some((flow, wrench)) = wrench.and_then(|w| Some((self.flow(m, w)?, w))) else {
+            self.wind.reset();
+            return None;
+        };
+        let wind = self.wind.step(&self.vehicle, &flow, m.dt_s)?;
+        let finite = wind.half_width_mps.iter().all(|h| h.is_finite());
+        Some(WindEstimate {
+            velocity_ned_mps: wind.velocity_ned_mps,
+            half_width_mps: wind.half_width_mps,
+            guarantee: if finite { wrench.guarantee } else { Guarantee::None },
+            verdict: match wrench.verdict {
+                Verdict::Consistent if wind.turning => Verdict::Settling,
+                verdict => verdict,
+            },
+        })
+    }
+
+    fn flow(&self, m: &Measurement, wrench: &WrenchEstimate) -> Option<Flow> {
+        let autopilot = m.attitude?.value;
+        let rotation = autopilot.to_rotation_matrix().into_inner();
+        // while the data contradict what is declared, neither bound is to be trusted more than the other
+        let force = (wrench.verdict == Verdict::Consistent).then(|| ForceInterval {
+            value_frd_n: rotation.tr_mul(&wrench.force_ned_n),
+            half_width_frd_n: rotation.abs().tr_mul(&wrench.force_half_width_n),
+        });
+        let (body_to_ned, yaw_rad) = self.heading(autopilot);
+        Some(Flow {
             imu: m.imu,
-            body_to_ned: m.attitude?.value,
+            body_to_ned,
+            yaw_rad,
             velocity_ned_mps: m.velocity_ned_mps?.value,
             actuation: m.actuation?.value,
             density_kgm3: m
@@ -111,16 +144,34 @@ impl Chain {
                 .map(|d| d.value)
                 .or(self.vehicle.thrust.density_ref_kgm3)
                 .unwrap_or(SEA_LEVEL_KGM3),
-        };
-        let force = ForceInterval {
-            value_ned_n: wrench.force_ned_n,
-            half_width_ned_n: wrench.force_half_width_n,
-            trust_accelerometer: wrench.verdict == Verdict::Consistent,
-        };
-        let Wind { velocity_ned_mps, half_width_mps } = wind_from_force(&self.vehicle, &flow, &force)?;
-        let guarantee = if half_width_mps.iter().all(|h| h.is_finite()) { wrench.guarantee } else { Guarantee::None };
-        Some(WindEstimate { velocity_ned_mps, half_width_mps, guarantee, verdict: wrench.verdict })
+            force,
+        })
     }
+
+    /// The attitude with the best heading there is, and how far that may be off, rad.
+    ///
+    /// Where the autopilot's heading is declared to be poor, an observer that finds its own from raw sensors replaces
+    /// it. The bound keeps resting on what is declared of the autopilot's, unless that observer guarantees a better one:
+    /// the true heading is within the declared error of the autopilot's, so it is within that and the difference of the
+    /// two of the other.
+    fn heading(&self, autopilot: UnitQuaternion<f64>) -> (UnitQuaternion<f64>, f64) {
+        let declared = self.vehicle.noise.yaw_rad;
+        let own = self.slots.iter().find_map(Slot::heading);
+        match own.filter(|h| h.likely_error_rad < declared) {
+            None => (autopilot, declared),
+            Some(h) => {
+                let turn = wrap(h.yaw_rad - autopilot.euler_angles().2);
+                let rested = declared + turn.abs();
+                let bound = h.guaranteed_rad.map_or(rested, |own| own.min(rested));
+                (UnitQuaternion::from_axis_angle(&Vector3::z_axis(), turn) * autopilot, bound)
+            }
+        }
+    }
+}
+
+/// An angle brought into −π..π.
+fn wrap(angle: f64) -> f64 {
+    angle.sin().atan2(angle.cos())
 }
 
 /// The observers of a snapshot, in the order of their ids, without copying them.

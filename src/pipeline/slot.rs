@@ -1,6 +1,6 @@
 use super::snapshot::WrenchEstimate;
 use crate::observers::{Observer, Registration};
-use crate::signal::{Discontinuity, Measurement, Verdict};
+use crate::signal::{Discontinuity, Guarantee, Measurement, Verdict};
 use crate::telemetry::Aligner;
 use nalgebra::Vector3;
 
@@ -22,12 +22,28 @@ pub(super) struct Slot {
     pub missing: u16,
     /// Values that make up a wrench, when the observer estimates one.
     wrench: Option<[usize; 6]>,
+    /// The heading, when the observer estimates one (signal `yaw`).
+    yaw: Option<[usize; 1]>,
 }
+
+/// A heading that does not come from the autopilot, rad from north over east.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct Heading {
+    pub yaw_rad: f64,
+    /// What its error is likely to stay below.
+    pub likely_error_rad: f64,
+    /// Its bound, where that is guaranteed.
+    pub guaranteed_rad: Option<f64>,
+}
+
+/// Likely error of a heading whose observer claims no bound, rad: 10°.
+const UNBOUNDED_HEADING_RAD: f64 = 0.1745;
 
 impl Slot {
     pub fn new(registration: &'static Registration, observer: Box<dyn Observer>) -> Self {
         let wrench = places(&*observer, ["force_n", "force_e", "force_d", "torque_x", "torque_y", "torque_z"]);
-        Self { registration, observer, steps: 0, failures: 0, mean_ns: 0.0, missing: 0, wrench }
+        let yaw = places(&*observer, ["yaw"]);
+        Self { registration, observer, steps: 0, failures: 0, mean_ns: 0.0, missing: 0, wrench, yaw }
     }
 
     /// The same observer for another vehicle.
@@ -53,6 +69,17 @@ impl Slot {
             let took = now().saturating_sub(began) as f64;
             self.mean_ns += (took - self.mean_ns) / (self.steps as f64).min(MEAN_STEPS);
         }
+    }
+
+    pub fn heading(&self) -> Option<Heading> {
+        let [at] = self.yaw?;
+        let e = self.observer.estimate();
+        let (yaw_rad, half_width) = (e.values[at], e.half_widths[at]);
+        (e.verdict == Verdict::Consistent && yaw_rad.is_finite()).then(|| Heading {
+            yaw_rad,
+            likely_error_rad: if half_width.is_finite() { half_width } else { UNBOUNDED_HEADING_RAD },
+            guaranteed_rad: (e.guarantee == Guarantee::Guaranteed && half_width.is_finite()).then_some(half_width),
+        })
     }
 
     pub fn wrench(&self) -> Option<WrenchEstimate> {

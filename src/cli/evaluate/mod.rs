@@ -37,7 +37,7 @@ pub struct EvaluateArgs {
     /// Scenarios that come with the program, or TOML files; all that come with it when none is given
     pub scenarios: Vec<String>,
     /// Repeat an experiment of a paper instead, or `all` of them; repeatable
-    #[arg(long = "experiment", value_name = "NAME", conflicts_with_all = ["scenarios", "observers", "report"])]
+    #[arg(long = "experiment", value_name = "NAME", conflicts_with_all = ["scenarios", "observers"])]
     pub experiments: Vec<String>,
     /// Only this observer; repeatable. All that suit the vehicle when none is given
     #[arg(long = "observer", value_name = "NAME")]
@@ -74,7 +74,7 @@ type Outcomes = Vec<(String, Outcome)>;
 
 pub fn run(args: &EvaluateArgs) -> Result<(), Failure> {
     if !args.experiments.is_empty() {
-        return experiments::run(&args.experiments, args.json);
+        return experiments::run(&args.experiments, args.json, args.report.as_deref());
     }
     let observers = observers(args)?;
     let scenarios = scenarios(args)?;

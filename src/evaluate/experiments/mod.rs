@@ -3,6 +3,7 @@
 //! An experiment takes no input: it is the same numbers every time. What it finds are [`Figure`]s, some of them with a
 //! limit that they must keep, and [`Trace`]s to be drawn. Imports what [`evaluate`](crate::evaluate) does.
 
+mod cayero;
 mod findings;
 mod grip;
 mod pham;
@@ -19,7 +20,7 @@ pub struct Experiment {
 }
 
 /// All of them, one line each.
-pub const EXPERIMENTS: &[Experiment] = &[grip::EXPERIMENT, pham::EXPERIMENT];
+pub const EXPERIMENTS: &[Experiment] = &[cayero::EXPERIMENT, grip::EXPERIMENT, pham::EXPERIMENT];
 
 /// Why an experiment gave no findings.
 #[derive(Debug, thiserror::Error)]

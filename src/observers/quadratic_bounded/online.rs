@@ -386,12 +386,13 @@ impl Observer for WrenchObserver {
             filter.predict(u, dt_s);
         }
         let residual = self.correct(&frame, dt_s);
+        let apart = self.trust.compare(&self.vehicle, m);
         let contradiction = self.trust.step(&self.vehicle, &previous.inertial(), &frame.inertial(), dt_s);
         if let Some(i) = self.filters.iter().position(|f| f.state().iter().any(|x| !x.is_finite())) {
             self.reset();
             return Err(StepError::NotFinite { signal: SIGNALS[i].name });
         }
-        self.publish(&frame, m, residual.max(contradiction));
+        self.publish(&frame, m, residual.max(contradiction).max(apart));
         Ok(&self.estimate)
     }
 

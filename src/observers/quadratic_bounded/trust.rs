@@ -1,8 +1,11 @@
+use crate::signal::Measurement;
 use crate::vehicle::{GRAVITY_MPS2, Vehicle};
 use nalgebra::{Matrix3, Vector3};
 
 /// Time over which differences are gathered, s: a constant error b of the accelerometer shows as b times this.
 const WINDOW_S: f64 = 3.0;
+/// Share of the newest difference between two accelerometers in their mean difference.
+const NEWEST: f64 = 0.05;
 /// A guarantee comes back after this time without contradiction, s.
 const REGAIN_S: f64 = 10.0;
 
@@ -25,10 +28,32 @@ pub(super) struct Trust {
     gathered_mps: Vector3<f64>,
     /// What the declared errors can have gathered, m/s; without velocity's.
     allowed_mps: Vector3<f64>,
+    /// Mean difference to each further accelerometer, body FRD, m/s².
+    apart_mps2: [Vector3<f64>; 2],
     waiting_s: f64,
 }
 
 impl Trust {
+    /// Takes in samples of the vehicle's further accelerometers. They feel the same, so a lasting difference beyond both
+    /// declared errors means that one is broken, and nobody knows which. Gives the largest over what is admissible.
+    pub fn compare(&mut self, vehicle: &Vehicle, m: &Measurement) -> f64 {
+        let noise = &vehicle.noise;
+        let mut worst: f64 = 0.0;
+        for (apart, other) in self.apart_mps2.iter_mut().zip(&m.other_imus) {
+            let Some(other) = other.filter(|o| o.new) else { continue };
+            *apart += NEWEST * (m.imu.accel_frd_mps2 - other.value.accel_frd_mps2 - *apart);
+            for i in 0..3 {
+                let rate = vehicle.envelope.force_rate_nps[i] / vehicle.mass_kg.range.lo();
+                let allowed = 2.0 * (noise.accel_mps2[i] + noise.accel_bias_mps2[i]) + rate * other.age_s.abs();
+                worst = worst.max(apart[i].abs() / allowed);
+            }
+        }
+        if worst > 1.0 {
+            self.waiting_s = REGAIN_S;
+        }
+        worst
+    }
+
     /// Takes in the step between two measurements; gives the largest difference over what is admissible.
     pub fn step(&mut self, vehicle: &Vehicle, before: &Inertial, now: &Inertial, dt_s: f64) -> f64 {
         let noise = &vehicle.noise;
@@ -69,6 +94,7 @@ impl Trust {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::signal::{Held, Imu, Stamp};
     use crate::vehicle::resolve;
 
     fn hover(bias: f64) -> Inertial {
@@ -77,6 +103,30 @@ mod tests {
             velocity_ned_mps: Vector3::zeros(),
             accel_frd_mps2: Vector3::new(bias, 0.0, -GRAVITY_MPS2),
         }
+    }
+
+    #[test]
+    fn two_accelerometers_that_disagree_are_not_believed() {
+        let vehicle = resolve("arducopter-sitl").unwrap();
+        let imu =
+            |bias: f64| Imu { accel_frd_mps2: Vector3::new(bias, 0.0, -GRAVITY_MPS2), rate_frd_rads: Vector3::zeros() };
+        let mut trust = Trust::default();
+        let mut m = Measurement::new(Stamp::default(), imu(0.05));
+        let other = |bias: f64, new: bool| {
+            Some(Held { value: imu(bias), stamp: Stamp::default(), age_s: 0.0, sequence: 1, new })
+        };
+        m.other_imus[0] = other(-0.04, true);
+        for _ in 0..200 {
+            assert!(trust.compare(&vehicle, &m) <= 1.0);
+        }
+        m.other_imus[0] = other(-0.7, false);
+        trust.compare(&vehicle, &m);
+        assert!(trust.holds(), "an old sample is no news");
+        m.other_imus[0] = other(-0.7, true);
+        for _ in 0..20 {
+            trust.compare(&vehicle, &m);
+        }
+        assert!(!trust.holds());
     }
 
     #[test]
