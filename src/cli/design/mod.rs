@@ -11,6 +11,7 @@ mod fuzzy_polynomial;
 mod options;
 mod quadratic_bounded;
 mod sheet;
+mod unknown_input;
 
 use super::Failure;
 
@@ -21,6 +22,9 @@ const EXAMPLES: &str = "Examples:
   mavobserver design fuzzy-polynomial --method all --plot front.html
   mavobserver design cascade-gnss-ins --gamma 50 --gamma-n 1.002
   mavobserver design all --report report.html";
+  mavobserver design fuzzy-polynomial --method all
+  mavobserver design cascade-gnss-ins --gamma 50 --gamma-n 1.002
+  mavobserver design unknown-input --alpha 1,5,20";
 
 /// Design an observer and check the design
 #[derive(Debug, clap::Args)]
@@ -37,6 +41,7 @@ enum Observer {
     QuadraticBounded(quadratic_bounded::Args),
     FuzzyPolynomial(fuzzy_polynomial::Args),
     CascadeGnssIns(cascade_gnss_ins::Args),
+    UnknownInput(unknown_input::Args),
 }
 
 pub fn run(args: &DesignArgs) -> Result<(), Failure> {
@@ -45,5 +50,6 @@ pub fn run(args: &DesignArgs) -> Result<(), Failure> {
         Observer::QuadraticBounded(a) => quadratic_bounded::run(a)?.deliver(&a.shared),
         Observer::FuzzyPolynomial(a) => fuzzy_polynomial::run(a)?.deliver(&a.shared),
         Observer::CascadeGnssIns(a) => cascade_gnss_ins::run(a)?.deliver(&a.shared),
+        Observer::UnknownInput(a) => unknown_input::run(a)?.deliver(&a.shared),
     }
 }
