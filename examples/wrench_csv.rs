@@ -162,6 +162,7 @@ fn flow(vehicle: &Vehicle, m: &Measurement) -> Option<Flow> {
         body_to_ned: m.attitude?.value,
         yaw_rad: vehicle.noise.yaw_rad,
         velocity_ned_mps: m.velocity_ned_mps?.value,
+        gnss_velocity_mps: None,
         actuation: m.actuation?.value,
         density_kgm3: SEA_LEVEL_KGM3,
         force: None,

@@ -138,6 +138,7 @@ impl Chain {
             body_to_ned,
             yaw_rad,
             velocity_ned_mps: m.velocity_ned_mps?.value,
+            gnss_velocity_mps: m.gnss.and_then(|fix| fix.fresh()).and_then(|fix| fix.ground_velocity_mps),
             actuation: m.actuation?.value,
             density_kgm3: m
                 .air_density_kgm3

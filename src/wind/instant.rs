@@ -18,6 +18,8 @@ pub struct Flow {
     /// How far the heading in it may be off, rad.
     pub yaw_rad: f64,
     pub velocity_ned_mps: Vector3<f64>,
+    /// North and east of a GNSS receiver's own velocity, when a new fix came with this measurement.
+    pub gnss_velocity_mps: Option<[f64; 2]>,
     pub actuation: Actuation,
     /// kg/m³.
     pub density_kgm3: f64,
@@ -55,7 +57,9 @@ impl Instant {
     /// The lateral body axes give two airspeeds. The third is taken so that the vertical wind is what the vertical drag
     /// says, shrunk towards zero by the declared envelope: in hover the vertical drag law is flat around zero and
     /// thrust error dominates, so without the envelope it would say next to nothing.
-    pub fn of(vehicle: &Vehicle, flow: &Flow) -> Option<Self> {
+    ///
+    /// `shift` is what velocity is likely to lack, north and east, m/s; it moves the value and not the interval.
+    pub fn of(vehicle: &Vehicle, flow: &Flow, shift: [f64; 2]) -> Option<Self> {
         let r = flow.body_to_ned.to_rotation_matrix().into_inner();
         if r[(2, 2)] < MIN_UPRIGHT {
             return None;
@@ -82,11 +86,12 @@ impl Instant {
             let cz = r[(i, 2)] / r[(2, 2)];
             let cx = r[(i, 0)] - cz * r[(2, 0)];
             let cy = r[(i, 1)] - cz * r[(2, 1)];
-            out.value[i] = v[i] - cx * x.value - cy * y.value - cz * (v[2] - down);
+            out.value[i] = v[i] + shift[i] - cx * x.value - cy * y.value - cz * (v[2] - down);
             // a small rotation of R moves R·v_air by the angle times the part of v_air across it
             let turned = flow.yaw_rad * across + noise.tilt_rad * (climb + cz.abs() * across);
             let range = v_range(i) - x.range * cx - y.range * cy - (v_range(2) - down_range) * cz;
-            out.range[i] = (range + Interval::centred(0.0, turned)).hull(Interval::point(out.value[i]));
+            out.range[i] = range + Interval::centred(0.0, turned);
+            out.value[i] = out.value[i].max(out.range[i].lo()).min(out.range[i].hi());
             let felt = (cx * accel_sigma(vehicle, 0) / x.slope).hypot(cy * accel_sigma(vehicle, 1) / y.slope);
             out.noise_mps[i] = felt.hypot(noise.velocity_mps[i] / BOUND_IN_SIGMAS);
         }
@@ -200,6 +205,7 @@ mod tests {
                 body_to_ned: turn * tilt * q,
                 yaw_rad: n.yaw_rad,
                 velocity_ned_mps: seen_velocity,
+                gnss_velocity_mps: None,
                 actuation: Actuation {
                     rotors: RotorCommands { command: [0.5; MAX_ROTORS], count: 4 },
                     force_frd_n: -Vector3::z() * (lift - loss(climb)),
@@ -212,7 +218,7 @@ mod tests {
                 density_kgm3: 1.157,
                 force: None,
             };
-            let seen = Instant::of(&vehicle, &flow).unwrap();
+            let seen = Instant::of(&vehicle, &flow, [0.0; 2]).unwrap();
             // the angle's second order, of 9 m/s
             let slack = 9.0 * (n.yaw_rad + n.tilt_rad).powi(2);
             for i in 0..3 {
@@ -230,6 +236,7 @@ mod tests {
             body_to_ned: UnitQuaternion::from_euler_angles(1.5, 0.0, 0.0),
             yaw_rad: 0.0,
             velocity_ned_mps: Vector3::zeros(),
+            gnss_velocity_mps: None,
             actuation: Actuation {
                 rotors: RotorCommands { command: [0.5; MAX_ROTORS], count: 4 },
                 force_frd_n: -Vector3::z() * 29.42,
@@ -242,13 +249,13 @@ mod tests {
             density_kgm3: 1.157,
             force: None,
         };
-        assert!(Instant::of(&vehicle, &flow).is_none());
+        assert!(Instant::of(&vehicle, &flow, [0.0; 2]).is_none());
         flow.body_to_ned = UnitQuaternion::identity();
-        assert!(Instant::of(&vehicle, &flow).unwrap().value.norm() < 0.05);
+        assert!(Instant::of(&vehicle, &flow, [0.0; 2]).unwrap().value.norm() < 0.05);
         for i in 0..2 {
             vehicle.drag.rotor[i] = crate::vehicle::Ranged::exact(0.0);
             vehicle.drag.area_m2[i] = crate::vehicle::Ranged::exact(0.0);
         }
-        assert!(Instant::of(&vehicle, &flow).is_none());
+        assert!(Instant::of(&vehicle, &flow, [0.0; 2]).is_none());
     }
 }

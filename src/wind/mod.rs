@@ -4,6 +4,7 @@
 //! | file | what |
 //! |---|---|
 //! | `instant` | wind of one measurement with its interval: drag across the thrust axis from the accelerometer, where neither thrust nor attitude plays a part; along it from the balance of thrust |
+//! | `drift` | what a GNSS receiver knows better of the velocity than the autopilot |
 //! | `follow` | what the noise of those instants leaves of the wind |
 //! | `front` | how a bound opens when the wind turns, and closes again |
 //! | `observer` | the three together |
@@ -20,6 +21,7 @@
 //! interval give the ends of the airspeed interval. Where the wind turns within a second the interval is wider than
 //! that: it then holds for all the air around the vehicle, old and new.
 
+mod drift;
 mod follow;
 mod front;
 mod instant;

@@ -1,3 +1,4 @@
+use super::drift::Drift;
 use super::follow::Follower;
 use super::front::Front;
 use super::instant::{Flow, Instant};
@@ -20,6 +21,7 @@ pub struct Wind {
 pub struct WindObserver {
     followers: [Follower; 3],
     front: Front,
+    drift: Drift,
     running: bool,
 }
 
@@ -31,7 +33,8 @@ impl WindObserver {
 
     /// Takes in one instant, `dt_s` after the last one. `None`, and the past forgotten, where it says nothing.
     pub fn step(&mut self, vehicle: &Vehicle, flow: &Flow, dt_s: f64) -> Option<Wind> {
-        let Some(instant) = Instant::of(vehicle, flow) else {
+        let shift = self.drift.step(vehicle, flow, dt_s);
+        let Some(instant) = Instant::of(vehicle, flow, shift) else {
             self.reset();
             return None;
         };
