@@ -9,7 +9,7 @@
 //! rotor commands from 0 to 1. The picture goes to `wrench.svg` in the folder for temporary files.
 
 use mavobserver::document::Document;
-use mavobserver::observers::{Observer, Options, build};
+use mavobserver::observers::{Options, build};
 use mavobserver::report::{Colour, Figure, Panel};
 use mavobserver::signal::{
     Actuation, Aged, Discontinuity, Imu, MAX_ROTORS, Measurement, RotorCommands, Stamp, Verdict,
