@@ -58,23 +58,6 @@ fn step(c: &mut Criterion) {
     group.finish();
 }
 
-fn gnss_ins(c: &mut Criterion) {
-    let model = vehicle::resolve("arducopter-sitl").expect("a preset");
-    let measurements = measurements();
-    let mut observer = build("gnss_ins", &model, Options::default()).expect("gains");
-    let mut group = c.benchmark_group("gnss_ins");
-    group.throughput(Throughput::Elements(measurements.len() as u64));
-    group.bench_function("step", |b| {
-        b.iter(|| {
-            observer.reset();
-            for m in &measurements {
-                black_box(observer.step(black_box(m)).is_ok());
-            }
-        });
-    });
-    group.finish();
-}
-
 fn chain(c: &mut Criterion) {
     let model = Arc::new(vehicle::resolve("arducopter-sitl").expect("a preset"));
     let frames = hover::frames(500);
@@ -93,5 +76,5 @@ fn chain(c: &mut Criterion) {
     group.finish();
 }
 
-criterion_group!(benches, step, gnss_ins, chain);
+criterion_group!(benches, step, chain);
 criterion_main!(benches);

@@ -1,6 +1,6 @@
 use super::snapshot::WrenchEstimate;
 use crate::observers::{Observer, Registration};
-use crate::signal::{Discontinuity, Guarantee, Measurement, Verdict};
+use crate::signal::{Channel, Discontinuity, Guarantee, Measurement, Verdict};
 use crate::telemetry::Aligner;
 use nalgebra::Vector3;
 
@@ -22,7 +22,7 @@ pub(super) struct Slot {
     pub missing: u16,
     /// Values that make up a wrench, when the observer estimates one.
     wrench: Option<[usize; 6]>,
-    /// The heading, when the observer estimates one (signal `yaw`).
+    /// The heading, when an observer estimates one (signal `yaw`).
     yaw: Option<[usize; 1]>,
 }
 
@@ -72,7 +72,8 @@ impl Slot {
     }
 
     pub fn heading(&self) -> Option<Heading> {
-        let [at] = self.yaw?;
+        // what is made of the autopilot's attitude cannot tell where that is off
+        let [at] = self.yaw.filter(|_| !self.registration.needs.contains(&Channel::Attitude))?;
         let e = self.observer.estimate();
         let (yaw_rad, half_width) = (e.values[at], e.half_widths[at]);
         (e.verdict == Verdict::Consistent && yaw_rad.is_finite()).then(|| Heading {
