@@ -1,5 +1,5 @@
 use super::sheet::{Compared, Sheet, write};
-use super::{cascade_gnss_ins, fuzzy_polynomial, quadratic_bounded};
+use super::{cascade_gnss_ins, fuzzy_polynomial, quadratic_bounded, unknown_input};
 use crate::cli::{Failure, print};
 use crate::report::{Cell, Column, Page, Section, Table, Tone};
 use serde_json::{Value, json};
@@ -24,7 +24,12 @@ pub struct Args {
 
 /// What each observer publishes, one line each.
 const PUBLISHED: &[fn() -> Result<Sheet, Failure>] =
-    &[quadratic_bounded::published, fuzzy_polynomial::published, cascade_published];
+    &[quadratic_bounded::published, fuzzy_polynomial::published, cascade_published, unknown_published];
+
+/// The paper prints no gains, so there is nothing to set beside ours.
+fn unknown_published() -> Result<Sheet, Failure> {
+    by_command_line(unknown_input::run, &[])
+}
 
 /// The example of section 5.2 of Grip, Saberi and Johansen; its gains are one solver's stopping point, see `design`.
 fn cascade_published() -> Result<Sheet, Failure> {

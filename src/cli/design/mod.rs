@@ -21,10 +21,8 @@ const EXAMPLES: &str = "Examples:
   mavobserver design quadratic-bounded --plant px4-sih --mu 0.2,0.95
   mavobserver design fuzzy-polynomial --method all --plot front.html
   mavobserver design cascade-gnss-ins --gamma 50 --gamma-n 1.002
+  mavobserver design unknown-input --alpha 1,5,20
   mavobserver design all --report report.html";
-  mavobserver design fuzzy-polynomial --method all
-  mavobserver design cascade-gnss-ins --gamma 50 --gamma-n 1.002
-  mavobserver design unknown-input --alpha 1,5,20";
 
 /// Design an observer and check the design
 #[derive(Debug, clap::Args)]

@@ -71,7 +71,20 @@ pub fn run(args: &Args) -> Result<Sheet, Failure> {
     }
     bar.finish_and_clear();
     text.push_str("\nevery row satisfies (22) at every pair of corners by eigenvalues computed outside the solver");
-    Ok(Sheet { observer: "unknown-input", plant: name.to_owned(), rows, text, ..Sheet::default() })
+    Ok(Sheet {
+        observer: "unknown-input",
+        paper: "Pham, Ichalal, Mammar: LPV unknown input observer for attitude of a mass-varying quadcopter (2020)",
+        plant: name.to_owned(),
+        rows,
+        text,
+        corrections: &[
+            "(21), (22): the term with QM has one sign, else it drops out; A is transposed once; K = X·L",
+            "(8b) to (8e) hold for z, with the sum of all unknown inputs",
+            "Table II: ±74.1176 belongs to ρ₁₂; the lower end of ρ₁₁ is 1/0.0142 = 70.4, not 47.1",
+            "the auxiliary system s(t) has no feedback and drifts: it is left out, and no output is differentiated",
+        ],
+        ..Sheet::default()
+    })
 }
 
 /// The paper's two subsystems, or the whole attitude of a vehicle.
