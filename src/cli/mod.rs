@@ -9,6 +9,7 @@ pub mod convert;
 pub mod demo;
 pub mod design;
 pub mod evaluate;
+pub mod identify;
 mod logging;
 mod output;
 pub mod recover;
@@ -50,6 +51,7 @@ enum Command {
     Evaluate(evaluate::EvaluateArgs),
     Demo(demo::DemoArgs),
     Design(design::DesignArgs),
+    Identify(identify::IdentifyArgs),
 }
 
 /// How much is logged to standard error.
@@ -115,5 +117,6 @@ pub fn run(cli: Cli) -> Result<(), Failure> {
         Command::Evaluate(args) => evaluate::run(&args),
         Command::Demo(args) => demo::run(&args),
         Command::Design(args) => design::run(&args),
+        Command::Identify(args) => identify::run(&args),
     }
 }

@@ -15,6 +15,11 @@ impl Rate {
         Self { hz: if hz > 0.0 { hz } else { 0.0 } }
     }
 
+    /// Messages a second: 0 for never, infinite for every one.
+    pub fn as_hz(self) -> f64 {
+        self.hz
+    }
+
     /// Time between two messages, µs; `None` if none is ever sent.
     pub(super) fn period_us(self) -> Option<u64> {
         // saturates: the slowest rates give a period of 580 000 years

@@ -4,8 +4,10 @@
 //! inverse, each with an interval where the model itself is uncertain. Imports `sets`, `signal`
 //! and `document` only.
 
+pub mod airframe;
 mod drag;
 mod facts;
+pub mod identify;
 mod inflow;
 mod load;
 mod model;

@@ -17,6 +17,7 @@ mod fields;
 mod frame;
 mod parser;
 mod scan;
+pub mod signing;
 pub mod stats;
 pub mod tlog;
 
