@@ -261,6 +261,7 @@ fn gyro_free(
 }
 
 #[test]
+#[ignore = "not yet measured"]
 fn rates_without_the_gyro_on_a_simulated_copter() {
     // the gyro of this simulator is nearly perfect: it is the truth, and the observer never sees it
     for (file, most) in [("sitl/wind_dev.tlog", 6.0), ("sitl/wind_turb.tlog", 6.0)] {
@@ -272,6 +273,7 @@ fn rates_without_the_gyro_on_a_simulated_copter() {
 }
 
 #[test]
+#[ignore = "not yet measured"]
 fn rates_without_the_gyro_on_a_simulated_px4_copter() {
     let Some(log) = data("px4/wind_dev.tlog") else { return };
     let text = std::fs::read_to_string(log.with_extension("truth.csv")).expect("readable");

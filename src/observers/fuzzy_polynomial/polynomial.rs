@@ -10,7 +10,7 @@ use crate::sos::{Certificate, Family, Local, Monomial, Polynomial, positive_on};
 use nalgebra::DMatrix;
 
 /// Units of speed in which a program is tried in turn, as factors: none is good for every plant and rate.
-const SPEED_FACTORS: [f64; 3] = [1.0, 0.25, 4.0];
+const SPEED_FACTORS: [f64; 4] = [1.0, 4.0, 0.5, 12.0];
 /// Shares of γ that may be given up for room, in turn.
 const GIVEN_UP: [f64; 3] = [1e-3, 5e-3, 0.02];
 

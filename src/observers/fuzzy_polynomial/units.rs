@@ -13,13 +13,11 @@ pub(super) struct Units {
 }
 
 impl Units {
-    /// Angles in units of their noise. Speeds in the mean (of ratios) of half the region's radius and of what the noise
-    /// gives within a time between 1/α and a sample: the products of speeds must not be lost beside the speeds.
-    /// `speed_factor` changes their unit.
+    /// Angles in units of their noise, speeds in `speed_factor` times what the noise gives within a time between 1/α and
+    /// a sample.
     pub(super) fn of(plant: &Plant, alpha: f64, speed_factor: f64) -> Self {
-        let rate = (alpha / plant.dt_s).sqrt();
-        let speed = |noise: f64| speed_factor * (noise * rate * 0.5 * plant.radius2.sqrt()).sqrt();
-        let state = std::array::from_fn(|i| if i % 2 == 0 { plant.output[i / 2] } else { speed(plant.output[i / 2]) });
+        let rate = speed_factor * (alpha / plant.dt_s).sqrt();
+        let state = std::array::from_fn(|i| plant.output[i / 2] * if i % 2 == 0 { 1.0 } else { rate });
         let weight = plant.weight.iter().flatten().fold(0.0, |m: f64, w| m.max(*w));
         Self { state, output: plant.output, weight }
     }
