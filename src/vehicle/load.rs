@@ -286,7 +286,10 @@ fn noise(t: &mut Table<'_>) -> NoiseBounds {
         gyro_rads: numbers(t, "gyro_rads", [0.03; 3]),
         position_m: numbers(t, "position_m", [2.0; 3]),
         velocity_mps: numbers(t, "velocity_mps", [0.3; 3]),
+        velocity_bias_mps: numbers(t, "velocity_bias_mps", [0.0; 3]),
+        tilt_bias_rad: number(t, "tilt_bias_deg", Limit::Within(0.0, 90.0), 0.0).to_radians(),
         tilt_rad: number(t, "tilt_deg", Limit::Within(0.0, 90.0), 1.5).to_radians(),
+        yaw_bias_rad: number(t, "yaw_bias_deg", Limit::Within(0.0, 180.0), 0.0).to_radians(),
         yaw_rad: number(t, "yaw_deg", Limit::Within(0.0, 180.0), 5.0).to_radians(),
         density: number(t, "density_percent", Limit::Within(0.0, 90.0), 3.0) / 100.0,
     }

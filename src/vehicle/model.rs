@@ -152,12 +152,18 @@ pub struct NoiseBounds {
     pub gyro_rads: [f64; 3],
     /// Position, NED, m, from the origin that the vehicle itself uses.
     pub position_m: [f64; 3],
-    /// Velocity, NED, m/s.
+    /// Velocity, NED, m/s: noise of one sample.
     pub velocity_mps: [f64; 3],
-    /// Roll and pitch, rad.
+    /// What the autopilot's velocity may be off for long beside that, NED, m/s.
+    pub velocity_bias_mps: [f64; 3],
+    /// Roll and pitch, rad: noise of one sample.
     pub tilt_rad: f64,
+    /// What the autopilot's roll and pitch may be off for long beside that, rad.
+    pub tilt_bias_rad: f64,
     /// Heading, rad.
     pub yaw_rad: f64,
+    /// What the autopilot's heading may be off for long beside that, rad.
+    pub yaw_bias_rad: f64,
     /// Air density, as a share.
     pub density: f64,
 }

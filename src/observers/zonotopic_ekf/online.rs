@@ -143,7 +143,8 @@ impl StateObserver {
         if let (Some(v), true) = (seen.velocity, self.settings.outputs >= Outputs::Velocity) {
             let acceleration = self.largest_acceleration(seen, hull);
             for i in 0..3 {
-                self.add(VELOCITY + i, v.value[i], self.noise.velocity_mps[i] + v.age_s.abs() * acceleration[i]);
+                let noise = self.noise.velocity_mps[i] + self.noise.velocity_bias_mps[i];
+                self.add(VELOCITY + i, v.value[i], noise + v.age_s.abs() * acceleration[i]);
             }
         }
         if self.settings.outputs >= Outputs::Attitude {
@@ -183,12 +184,12 @@ impl StateObserver {
     /// by at most asin(sin ε/cos pitch).
     fn attitude_noise(&self, seen: &Seen, hull: &[Interval; STATES]) -> [f64; 3] {
         let [_, pitch, _] = angles(&seen.attitude.value);
-        let tilt = self.noise.tilt_rad;
+        let tilt = self.noise.tilt_rad + self.noise.tilt_bias_rad;
         let steepest = (pitch.abs() + tilt).min(1.5);
         let roll = (tilt.min(1.5).sin() / steepest.cos()).min(1.0).asin();
         let rate: f64 = (0..3).map(|i| hull[RATE + i].mag().powi(2)).sum::<f64>().sqrt();
         let moved = seen.attitude.age_s.abs() * rate / steepest.cos();
-        [roll + moved, tilt + moved, self.noise.yaw_rad + moved]
+        [roll + moved, tilt + moved, self.noise.yaw_rad + self.noise.yaw_bias_rad + moved]
     }
 
     /// A box around what is measured now, whether or not it is used as an output later.
@@ -206,7 +207,8 @@ impl StateObserver {
         for i in 0..3 {
             let (v, p) = (VELOCITY + i, POSITION + i);
             hull[v] = seen.velocity.map_or(Interval::centred(0.0, ANY_SPEED_MPS), |x| {
-                Interval::centred(x.value[i], noise.velocity_mps[i] + x.age_s.abs() * acceleration[i])
+                let noise = noise.velocity_mps[i] + noise.velocity_bias_mps[i];
+                Interval::centred(x.value[i], noise + x.age_s.abs() * acceleration[i])
             });
             hull[p] = seen.position.map_or(Interval::centred(0.0, ANYWHERE_M), |x| {
                 Interval::centred(x.value[i], noise.position_m[i] + x.age_s.abs() * hull[v].mag())
