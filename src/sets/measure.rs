@@ -1,4 +1,4 @@
-use super::rounding::{STRANDS, dots, gamma, is_positive, up};
+use super::rounding::{STRANDS, dot, gamma, is_positive, up};
 use super::{Overlap, Zonotope};
 use nalgebra::{SMatrix, SVector};
 
@@ -60,15 +60,10 @@ impl<const N: usize, const M: usize> Zonotope<N, M> {
     ) -> (SMatrix<f64, N, N>, [bool; N]) {
         let mut p = SMatrix::<f64, N, N>::zeros();
         for i in 0..N {
-            for j in (0..=i).step_by(4) {
-                // four at a time share the loads of row i
-                let others: [&[f64]; 4] = std::array::from_fn(|d| &self.rows[(j + d).min(N - 1)][..self.len]);
-                for (d, product) in dots(&self.rows[i][..self.len], others).into_iter().enumerate() {
-                    if j + d <= i {
-                        p[(i, j + d)] = product;
-                        p[(j + d, i)] = product;
-                    }
-                }
+            for j in 0..=i {
+                let product = dot(&self.rows[i][..self.len], &self.rows[j][..self.len]);
+                p[(i, j)] = product;
+                p[(j, i)] = product;
             }
         }
         let mut gain = SMatrix::<f64, N, N>::zeros();
@@ -98,34 +93,37 @@ impl<const N: usize, const M: usize> Zonotope<N, M> {
 
     /// `out.rows` becomes H − K·CH. Runs over a few columns at a time, which stay in registers meanwhile.
     fn combine(&self, strips: &[AxisStrip], gain: &SMatrix<f64, N, N>, used: &[bool; N], out: &mut Self) {
-        let mut axes = [0; N];
+        let whole = |axis: usize| self.rows[axis].as_chunks::<STRANDS>().0;
+        let mut sources = [whole(0); N];
         let mut columns = [0; N];
         let mut n = 0;
         for (k, strip) in strips.iter().enumerate().take(N).filter(|(k, _)| used[*k]) {
-            (axes[n], columns[n]) = (strip.axis, k);
+            (sources[n], columns[n]) = (whole(strip.axis), k);
             n += 1;
         }
+        let sources = &sources[..n];
         // whole blocks: what lies behind the columns in use does not count
-        let blocks = self.len.div_ceil(STRANDS);
-        let from = |axis: usize, block: usize| self.rows[axis].as_chunks::<STRANDS>().0.get(block);
+        let blocks = self.len.div_ceil(STRANDS).min(M / STRANDS);
         for a in 0..N {
             let factors: [f64; N] = std::array::from_fn(|m| gain[(a, columns[m])]);
             let (targets, tail) = out.rows[a].as_chunks_mut::<STRANDS>();
-            for (block, target) in targets.iter_mut().enumerate().take(blocks) {
-                let Some(own) = from(a, block) else { continue };
-                let mut sum = *own;
-                for (axis, factor) in axes[..n].iter().zip(&factors) {
-                    let Some(source) = from(*axis, block) else { continue };
+            let own = whole(a);
+            for (block, target) in targets[..blocks].iter_mut().enumerate() {
+                let mut sum = own[block];
+                for (source, factor) in sources.iter().zip(&factors) {
+                    let source = &source[block];
                     for i in 0..STRANDS {
                         sum[i] -= factor * source[i];
                     }
                 }
                 *target = sum;
             }
+            // a capacity that is no multiple of the block
             let behind = M - tail.len();
             tail.copy_from_slice(&self.rows[a][behind..]);
-            for (axis, factor) in axes[..n].iter().zip(&factors) {
-                tail.iter_mut().zip(&self.rows[*axis][behind..]).for_each(|(t, s)| *t -= factor * s);
+            for (column, factor) in columns[..n].iter().zip(&factors) {
+                let source = &self.rows[strips[*column].axis][behind..];
+                tail.iter_mut().zip(source).for_each(|(t, s)| *t -= factor * s);
             }
         }
     }

@@ -47,24 +47,3 @@ pub(super) fn dot(x: &[f64], y: &[f64]) -> f64 {
     }
     s.iter().sum::<f64>() + more_a.iter().zip(more_b).map(|(x, y)| x * y).sum::<f64>()
 }
-
-/// x·y of one x with four y of its length.
-pub(super) fn dots(x: &[f64], y: [&[f64]; 4]) -> [f64; 4] {
-    const LANES: usize = 4;
-    let (a, rest) = x.as_chunks::<LANES>();
-    let b = y.map(|y| y.as_chunks::<LANES>().0);
-    let mut s = [[0.0; LANES]; 4];
-    for (k, a) in a.iter().enumerate() {
-        for (s, b) in s.iter_mut().zip(&b) {
-            let Some(b) = b.get(k) else { continue };
-            for i in 0..LANES {
-                s[i] += a[i] * b[i];
-            }
-        }
-    }
-    let behind = x.len() - rest.len();
-    std::array::from_fn(|m| {
-        let tail: f64 = rest.iter().zip(&y[m][behind..]).map(|(a, b)| a * b).sum();
-        s[m].iter().sum::<f64>() + tail
-    })
-}
