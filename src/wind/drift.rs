@@ -3,8 +3,9 @@ use crate::vehicle::Vehicle;
 
 /// Deviation of a receiver's velocity, from its carrier's Doppler shift, m/s.
 const GNSS_SIGMA_MPS: f64 = 0.1;
-/// Time over which it is averaged where the autopilot's velocity is just as good, s.
-const EQUAL_S: f64 = 1.0;
+/// Time over which it is averaged where the autopilot's velocity is just as good, s; it grows steeply where that is
+/// better, as fixes come late and a late velocity is a wrong one.
+const EQUAL_S: f64 = 0.5;
 /// A declared bound is taken as this many standard deviations.
 const BOUND_IN_SIGMAS: f64 = 3.0;
 
@@ -26,7 +27,7 @@ impl Drift {
             for (i, (lacks, fix)) in self.lacks_mps.iter_mut().zip(fix).enumerate() {
                 let declared = vehicle.noise.velocity_mps[i];
                 let sigma = (declared / BOUND_IN_SIGMAS).max(1e-3);
-                let time_s = EQUAL_S * (GNSS_SIGMA_MPS / sigma).powi(2);
+                let time_s = EQUAL_S * (GNSS_SIGMA_MPS / sigma).powi(4);
                 let fresh = 1.0 - (-self.since_fix_s / time_s).exp();
                 *lacks += fresh * (fix - flow.velocity_ned_mps[i] - *lacks);
                 *lacks = lacks.clamp(-declared, declared);

@@ -1,5 +1,5 @@
 /// How much wind wanders when nothing special happens, m²/s³: its variance grows by this each second.
-const WANDER: f64 = 0.04;
+const WANDER: f64 = 0.01;
 /// Time over which the noise of the instants is measured, s.
 const NOISE_S: f64 = 2.0;
 /// Share of the newest difference in its running mean, and how many deviations that mean must reach to be a gust.

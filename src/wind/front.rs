@@ -9,7 +9,7 @@ const TURNING_MPS2: f64 = 3.0;
 const HOLD_S: f64 = 0.25;
 const CLOSING: f64 = 2.0;
 /// Part of a turn's size by which the bound opens in all other directions too: a front brings air from anywhere.
-const SIDEWAYS: f64 = 0.75;
+const SIDEWAYS: f64 = 0.7;
 
 /// How far a bound reaches back to where the wind came from.
 ///
