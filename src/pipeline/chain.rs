@@ -9,6 +9,9 @@ use crate::wire::FrameRef;
 use nalgebra::{UnitQuaternion, Vector3};
 use std::sync::Arc;
 
+/// Faults under which the assumptions of force and wind do not hold: all but those of barometer and GNSS position.
+const BREAKS_BOUNDS: u32 = !(1 << 15 | 1 << 16);
+
 /// One vehicle from frames to snapshots.
 pub struct Chain {
     id: VehicleId,
@@ -88,7 +91,11 @@ impl Chain {
             slot.step(m, &self.aligner, self.clock);
         }
         self.faults.step(m);
-        let wrench = self.slots.iter().find_map(Slot::wrench);
+        let mut wrench = self.slots.iter().find_map(Slot::wrench);
+        // a sensor or rotor that is found at fault is one of those that the bound rests on
+        if let Some(wrench) = wrench.as_mut().filter(|_| self.faults.bits() & BREAKS_BOUNDS != 0) {
+            wrench.guarantee = Guarantee::None;
+        }
         let wind = self.wind(m, wrench.as_ref());
         let snapshot = Snapshot {
             vehicle: self.id,
