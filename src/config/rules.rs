@@ -86,7 +86,7 @@ mod tests {
     #[test]
     fn mistakes_are_told() {
         let problems = read(
-            "[in]\nalow.system = [1]\n[out]\nblock.message = ['ATITUDE']\nallow.component = [300]\n\
+            "[in]\nalow.system = [1]\n[out]\nblock.message = ['ATTITUD']\nallow.component = [300]\n\
              limit_hz.HEARTBET = 1\n",
         )
         .unwrap_err();
