@@ -1,6 +1,6 @@
 //! `mavobserver design`: an observer's synthesis, on the paper's plant or on a vehicle's.
 //!
-//! One file per observer, each with its `Args` and a `run` that gives a [`Sheet`]; one line per observer in the table of
+//! One file per observer, each with its `Args` and a `run` that gives a `Sheet`; one line per observer in the table of
 //! subcommands and one in [`run`]. `options` holds what all of them take, `sheet` turns a sheet into text, JSON,
 //! pictures and pages, `all` sets every paper's tables beside ours, `data` reads experiments.
 

@@ -141,7 +141,7 @@ fn builder(vehicle: &Vehicle, options: &mut Options) -> Result<Box<dyn Observer>
 /// Starts with TRIAD at the first three-dimensional fix, where it takes the vehicle not to accelerate. Coasts on the
 /// gyro alone where field and specific force are parallel (‖m×a‖ < c_obs), and in tilt while GNSS is lost. The gyro's
 /// bias is learnt from tilt and heading, and at once while the vehicle stands on the ground. The autopilot may subtract
-/// its own, wrong, biases from what it sends (PX4 does): see [`Heading`] for what that does to the heading.
+/// its own, wrong, biases from what it sends (PX4 does): see `Heading` for what that does to the heading.
 pub struct NavigationObserver {
     settings: NavigationSettings,
     gains: NavigationGains,

@@ -1,6 +1,6 @@
 //! The quadrotor of Wang and Puig (13)–(14) and their hover experiment (§VI): position measured, a rotor fault at 40 s.
 //!
-//! The paper names no figures for the vehicle. They are those of its source [14], Alexis, Nikolakopoulos and Tzes,
+//! The paper names no figures for the vehicle. They are those of its source, Alexis, Nikolakopoulos and Tzes,
 //! *Model predictive quadrotor control* (IET Control Theory and Applications 6, 2012), rounded.
 
 use super::filter::{FilterSettings, Mode, ZonotopicFilter};
