@@ -139,7 +139,9 @@ fn what_cannot_be_is_refused_with_its_reason() {
     // a mismatch as large as the state itself leaves nothing to decay
     let blurred = Plant { mismatch: 1.5, ..plant.clone() };
     let refused = of(&blurred, Method::OneGain, 18.0);
-    assert!(matches!(refused, DesignError::Infeasible { .. }), "{refused}");
+    // the certificate of infeasibility may be too weak to be believed: then that is what is said
+    assert!(matches!(refused, DesignError::Infeasible { .. } | DesignError::Inaccurate { .. }), "{refused}");
+    assert!(refused.to_string().contains("α = 18"), "{refused}");
     let still = Plant { dt_s: f64::NAN, ..plant };
     assert!(matches!(of(&still, Method::SumsOfSquares, 1.0), DesignError::Plant(_)));
 }
