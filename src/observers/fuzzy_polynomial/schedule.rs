@@ -35,16 +35,27 @@ pub struct Schedule {
 impl Schedule {
     /// Designs at decay rate α (1/s), less where samples come too slowly for it.
     ///
+    /// A sample time without a design is left to its neighbours.
+    ///
     /// # Errors
-    /// Those of the design at the first sample time that has none.
+    /// That of a design, when no sample time has one.
     pub fn of_vehicle(vehicle: &Vehicle, alpha: f64, cache: &Cache) -> Result<Self, DesignError> {
-        let made = in_parallel(&NODES_S, |&dt_s| {
+        let made: Vec<Result<Node, DesignError>> = in_parallel(&NODES_S, |&dt_s| {
             let plant = Plant::of_vehicle(vehicle, dt_s);
             let design = cache.sums_of_squares(&plant, alpha.min(MOST_PER_SAMPLE / dt_s), Options::default())?;
             let at = |k: usize| Gain::from_fn(|i, j| design.gains[k].constant[(i, j)]);
             Ok(Node { dt_s, gains: [at(0), at(1)] })
         });
-        let nodes = made.into_iter().collect::<Result<Vec<_>, DesignError>>()?;
+        let (mut nodes, mut refused) = (Vec::new(), None);
+        for node in made {
+            match node {
+                Ok(node) => nodes.push(node),
+                Err(e) => refused = Some(e),
+            }
+        }
+        if let Some(e) = refused.filter(|_| nodes.is_empty()) {
+            return Err(e);
+        }
         Ok(Self { nodes, rotor_momentum: Plant::of_vehicle(vehicle, NODES_S[0]).rotor_momentum })
     }
 
