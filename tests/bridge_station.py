@@ -2,9 +2,11 @@
 upload a mission and fetch it again, through the address in argument 1. Prints what came back as one JSON object."""
 
 import json
+import os
 import sys
 import time
 
+os.environ["MAVLINK20"] = "1"
 from pymavlink import mavutil
 
 link = mavutil.mavlink_connection(sys.argv[1], source_system=255, source_component=190, dialect="ardupilotmega")
@@ -50,7 +52,7 @@ while len(parameters) < count:
     seen.append(value.param_index)
 result["parameters"] = parameters
 set_it = lambda: mav.param_set_send(1, 1, b"P007", 77.0, 9)
-result["set"] = wait("PARAM_VALUE", lambda m: m.param_id == "P007", set_it).param_value
+result["set"] = wait("PARAM_VALUE", lambda m: m.param_id == "P007" and m.param_value == 77.0, set_it).param_value
 arm = lambda: mav.command_long_send(1, 1, 400, 0, 1, 0, 0, 0, 0, 0, 0)
 result["acknowledged"] = wait("COMMAND_ACK", lambda m: m.command == 400, arm).result
 

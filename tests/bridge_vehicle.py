@@ -5,9 +5,11 @@ argument 2: what was asked of it, and the mission that it holds.
 """
 
 import json
+import os
 import sys
 import time
 
+os.environ["MAVLINK20"] = "1"
 from pymavlink import mavutil
 
 PARAMETERS = {"P%03d" % i: i * 0.5 for i in range(60)}
