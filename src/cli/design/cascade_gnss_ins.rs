@@ -19,7 +19,7 @@ const EXAMPLES: &str = "Examples:
 /// with both H∞ norms checked by Hamiltonian eigenvalues outside the solver. The axes of the navigation example do not
 /// mix, so each is designed for itself.
 #[derive(Debug, clap::Args)]
-#[command(after_help = EXAMPLES)]
+#[command(after_help = EXAMPLES, allow_negative_numbers = true)]
 pub struct Args {
     #[command(flatten)]
     pub shared: Shared,
