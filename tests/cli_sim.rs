@@ -159,8 +159,8 @@ fn lock_step_waits_for_the_station_and_loses_nothing() {
     // 20 s in slices of 10 ms, less those before the station spoke
     assert!(report["lockstep_slices"].as_u64().unwrap() > 500, "{report}");
     assert!(answered > 500);
-    // 50 Hz without a gap, however slow the station
-    assert!(stamps.windows(2).all(|w| (19..=21).contains(&(w[1] - w[0]))));
+    // 50 Hz without a gap, however slow the station; the first frame comes before the grid of the others
+    assert!(stamps.len() >= 990 && stamps[1..].windows(2).all(|w| (19..=21).contains(&(w[1] - w[0]))));
 }
 
 #[test]
