@@ -54,19 +54,23 @@ impl Attitude {
     }
 
     /// Turns R̂ so that the specific force comes to lie along its estimate in NED, by a share of the way, and the bias
-    /// by `bias_share` (1/s) of the angle that is left. The heading stays.
-    pub fn level(&mut self, force_frd: Vector3<f64>, force_ned: Vector3<f64>, share: f64, bias_share: f64) {
-        let (Some(body), Some(wanted)) = (force_frd.try_normalize(1e-6), force_ned.try_normalize(1e-6)) else { return };
+    /// by `bias_share` (1/s) of the angle that is left. The heading stays. Returns that angle, rad.
+    pub fn level(&mut self, force_frd: Vector3<f64>, force_ned: Vector3<f64>, share: f64, bias_share: f64) -> f64 {
+        let (Some(body), Some(wanted)) = (force_frd.try_normalize(1e-6), force_ned.try_normalize(1e-6)) else {
+            return 0.0;
+        };
         // any body vector across the force; the axis that lies furthest from it gives the best
         let across = Vector3::ith(body.iamin(), 1.0);
-        let Some(second) = body.cross(&across).try_normalize(1e-6) else { return };
+        let Some(second) = body.cross(&across).try_normalize(1e-6) else { return 0.0 };
         let seen = self.r * second;
-        let Some(kept) = (seen - wanted * wanted.dot(&seen)).try_normalize(1e-6) else { return };
+        let Some(kept) = (seen - wanted * wanted.dot(&seen)).try_normalize(1e-6) else { return 0.0 };
         let from = Matrix3::from_columns(&[body, second, body.cross(&second)]);
         let to = Matrix3::from_columns(&[wanted, kept, wanted.cross(&kept)]);
-        let error = (self.r * body).cross(&wanted);
+        let shown = self.r * body;
+        let error = shown.cross(&wanted);
         self.bias -= self.r.tr_mul(&error) * bias_share;
         self.r += (to * from.transpose() - self.r) * share;
+        error.norm().atan2(shown.dot(&wanted))
     }
 
     /// Turns R̂ about the vertical (positive from north to east), and changes the bias about it.

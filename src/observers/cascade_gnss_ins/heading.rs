@@ -5,6 +5,8 @@ use std::f64::consts::{PI, TAU};
 const UNKNOWN_RAD: f64 = 1.0;
 /// Standard deviation of one heading from the magnetometer, rad.
 const SAMPLE_RAD: f64 = 0.05;
+/// How much the heading may wander while the tilt is not settled, rad/√s.
+const DOUBT_RAD: f64 = 0.3;
 /// A disagreement beyond this for longer than [`LOST_S`] means that the heading is lost, rad and s.
 const LOST_RAD: f64 = 0.6;
 const LOST_S: f64 = 5.0;
@@ -25,7 +27,7 @@ pub struct HeadingNoise {
 
 impl Default for HeadingNoise {
     fn default() -> Self {
-        Self { gyro_walk: 0.002, bias_rads: 0.003, bias_walk: 1e-5, bend_rad: 0.17, bend_s: 200.0 }
+        Self { gyro_walk: 0.002, bias_rads: 0.003, bias_walk: 1e-5, bend_rad: 0.17, bend_s: 600.0 }
     }
 }
 
@@ -56,6 +58,12 @@ impl Heading {
     pub fn new(noise: HeadingNoise) -> Self {
         let p = Matrix3::from_diagonal(&Vector3::new(UNKNOWN_RAD, noise.bias_rads, noise.bend_rad).map(|s| s * s));
         Self { noise, p, bend_rad: 0.0, lost_s: 0.0 }
+    }
+
+    /// The tilt is not settled: it bends the magnetometer's heading by more than itself, so until it is settled the
+    /// heading follows the magnetometer.
+    pub fn doubt(&mut self, dt_s: f64) {
+        self.p[(0, 0)] += DOUBT_RAD * DOUBT_RAD * dt_s;
     }
 
     pub fn advance(&mut self, dt_s: f64) {

@@ -63,6 +63,9 @@ const STRENGTH: f64 = 0.35;
 const MAG_INTERVAL_S: f64 = 0.045;
 /// A gyro that stays below this, with the vehicle on the ground, stands still, rad/s.
 const RESTING_RADS: f64 = 0.05;
+/// A tilt that is off by more than this, and for this many time constants after, is not settled, rad.
+const TILT_LOST_RAD: f64 = 0.2;
+const TILT_SETTLES: f64 = 4.0;
 /// Time from the start until the estimate is called settled, s.
 const SETTLING_S: f64 = 15.0;
 /// An innovation of this many standard deviations is at the edge of what noise explains.
@@ -159,6 +162,8 @@ struct State {
     heading: Heading,
     translation: Translation,
     field_ned_gauss: Vector3<f64>,
+    /// When the tilt was last seen not to be settled.
+    tilt_lost: Stamp,
     last_fix: Stamp,
     last_mag: Stamp,
     last_barometer: Option<Stamp>,
@@ -209,6 +214,7 @@ impl NavigationObserver {
             heading: Heading::new(self.settings.heading),
             translation: Translation::new(self.gains, m.stamp, position, velocity),
             field_ned_gauss: field,
+            tilt_lost: m.stamp,
             last_fix: fix.stamp,
             last_mag: m.stamp.plus_secs(-MAG_INTERVAL_S),
             last_barometer: None,
@@ -264,6 +270,9 @@ impl State {
         let accel = m.imu.accel_frd_mps2;
         self.attitude.turn(m.imu.rate_frd_rads, dt_s);
         self.heading.advance(dt_s);
+        if (m.stamp - self.tilt_lost) * settings.attitude_gain < TILT_SETTLES {
+            self.heading.doubt(dt_s);
+        }
         self.rest(m, settings);
         if let Some(mag) = m.magnetometer.filter(|b| b.new) {
             self.magnetometer(m.stamp, mag.value.field_frd_gauss, accel);
@@ -272,7 +281,9 @@ impl State {
         if m.stamp - self.last_fix < GNSS_LOST_S {
             let force = self.translation.force(turned);
             let share = (settings.attitude_gain * dt_s).min(0.5);
-            self.attitude.level(accel, force, share, settings.bias_gain * dt_s);
+            if self.attitude.level(accel, force, share, settings.bias_gain * dt_s) > TILT_LOST_RAD {
+                self.tilt_lost = m.stamp;
+            }
             self.translation.attitude_changed(self.attitude.to_ned(accel) - turned);
         } else {
             self.translation.forget_force((dt_s / GNSS_LOST_S).min(1.0));
