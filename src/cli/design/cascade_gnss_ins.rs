@@ -2,8 +2,10 @@ use super::options::{Shared, matrix, positive, progress, three};
 use super::sheet::Sheet;
 use crate::cli::Failure;
 use crate::observers::cascade_gnss_ins::{
-    Conditions, Design, DesignError, Goal, Measures, Plant, PoleRegion, design, eigenvalues,
+    Conditions, Design, DesignError, Goal, Measures, Plant, PoleRegion, design, eigenvalues, gain_at,
 };
+use crate::report::{Colour, Figure, Panel};
+use nalgebra::DMatrix;
 use serde_json::{Map, Value, json};
 use std::fmt::Write;
 
@@ -43,6 +45,11 @@ pub struct Args {
 const PAPER_PLANT: &str = "position-velocity";
 const EXAMPLE_1: &str = "example-1";
 
+const CORRECTIONS: &[&str] =
+    &["Minimising γ_n is ill-posed: with N = I the position's noise reaches its own estimate \
+     whatever the gain, so ‖G‖ ≥ 1, and the infimum 1 is approached by growing gains only. The printed gains are one \
+     solver's stopping point; here γ_n is given and the analytic centre taken."];
+
 /// One design to make: a plant, or the axes of one that are alike.
 struct Case {
     plant_name: &'static str,
@@ -79,6 +86,12 @@ pub fn run(args: &Args) -> Result<Sheet, Failure> {
         more,
         rows: made.iter().map(|(case, d)| row(case, d)).collect(),
         text: text(name, &made),
+        paper: "Grip, Saberi, Johansen: Observers for interconnected nonlinear and linear systems (2012)",
+        figures: vec![(
+            gains_over_frequency(&made),
+            "Largest singular value over frequency: the H∞ norm is the highest point of each line.".to_owned(),
+        )],
+        corrections: CORRECTIONS,
         ..Sheet::default()
     })
 }
@@ -138,6 +151,23 @@ fn row(case: &Case, d: &Design) -> Value {
         "margin": d.margin,
         "solve_s": d.solve_s,
     })
+}
+
+fn gains_over_frequency(made: &[(Case, Design)]) -> Figure {
+    // four decades about 1 rad/s
+    let frequencies = || (0..=240).map(|i| 10.0_f64.powf(-2.0 + f64::from(i) / 60.0));
+    let (mut h, mut g) = (Panel::new("‖H(jω)‖", "").log_y(), Panel::new("‖G(jω)‖", "").log_y());
+    for (k, (case, d)) in made.iter().enumerate() {
+        let e = case.plant.extended();
+        let closed = &e.a - &d.gain * &e.c;
+        let curve = |input: &DMatrix<f64>| -> Vec<[f64; 2]> {
+            frequencies().filter_map(|w| Some([w, gain_at(&closed, input, w)?])).collect()
+        };
+        let label = format!("{} ({})", case.plant_name, case.axes);
+        h = h.line(label.clone(), Colour::nth(k), curve(&e.b_d));
+        g = g.line(label, Colour::nth(k), curve(&(-&d.gain * &case.plant.n)));
+    }
+    Figure::new("What reaches the error").x("frequency", "rad/s").log_x().panel(h).panel(g)
 }
 
 fn text(name: &str, made: &[(Case, Design)]) -> String {
