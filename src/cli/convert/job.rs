@@ -53,7 +53,9 @@ pub(super) fn plan(inputs: &[Input], output: Option<&Path>) -> Result<Vec<Job>, 
             (None, Some(file)) => file.to_owned(),
             (None, None) => input.path.clone(),
         };
-        let to = if output.is_some() && folder.is_none() { to } else { to.with_extension(extension) };
+        let named = if output.is_some() && folder.is_none() { to.clone() } else { to.with_extension(extension) };
+        // flight.tlog and flight.rlog beside each other: the second keeps its whole name
+        let to = if taken.contains_key(&named) { with_suffix(&to, extension) } else { named };
         if let Some(other) = taken.insert(to.clone(), &input.path) {
             let (a, b) = (other.display(), input.path.display());
             return Err(Failure::Usage(format!("{a} and {b} would both become {}", to.display())));
@@ -62,6 +64,14 @@ pub(super) fn plan(inputs: &[Input], output: Option<&Path>) -> Result<Vec<Job>, 
         jobs.push(Job { input: input.path.clone(), output: to, kind, bytes });
     }
     Ok(jobs)
+}
+
+/// The path with another extension behind the one it has.
+fn with_suffix(path: &Path, extension: &str) -> PathBuf {
+    let mut whole = path.as_os_str().to_owned();
+    whole.push(".");
+    whole.push(extension);
+    whole.into()
 }
 
 impl Job {
