@@ -289,7 +289,9 @@ async fn a_log_is_played_whole_recorded_whole_and_ends_the_daemon() {
     let sent = read_log(&files[1]);
     assert!(sent.iter().all(|(_, f)| f.as_ref().component_id() == 191));
     assert_eq!(received.len() as u64 + sent.len() as u64, recording.frames);
-    assert_eq!(original.len() as u64 + sent.len() as u64, recording.frames + recording.missed, "every gap is counted");
+    // what is missed may have been received or sent, and how much was sent only the recording tells
+    let gone = original.len() as u64 - received.len() as u64;
+    assert!(gone <= recording.missed, "every gap is counted: {gone} of {}", recording.missed);
 }
 
 #[tokio::test]

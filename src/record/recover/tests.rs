@@ -8,7 +8,7 @@ use std::fs;
 use std::io::Cursor;
 use std::path::{Path, PathBuf};
 
-const PER_CHUNK: u32 = 120;
+const PER_CHUNK: u32 = 24;
 
 fn frame(number: u32) -> FrameBuf {
     let roll = (number as f32 * 0.37).sin();
@@ -105,7 +105,7 @@ fn an_undamaged_recording_loses_nothing() {
 fn a_chunk_with_a_flipped_bit_is_lost_and_told_with_its_place() {
     let (mut bytes, frames) = recording();
     let starts = chunks(&bytes);
-    bytes[starts[1] + 200] ^= 0x10;
+    bytes[starts[1] + 100] ^= 0x10;
     let place = Place::new();
     assert!(frames_of(&place.file(&bytes)).is_none(), "the reader does not pass it over in silence");
     let (recovered, saved) = place.recover(&bytes).unwrap();
