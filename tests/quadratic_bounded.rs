@@ -122,7 +122,7 @@ proptest! {
             let m = world.step(dt, force, torque, k == 0);
             let verdict = observer.step(&m).expect("finite").verdict;
             prop_assert!(world.inside(&*observer), "step {k}: {:?} {:?} {:?}", force, torque, observer.estimate());
-            prop_assert!(verdict != Verdict::AssumptionViolated, "step {k}");
+            prop_assert!(verdict != Verdict::AssumptionViolated, "step {k}: {}", observer.estimate().residual);
         }
         prop_assert_eq!(observer.estimate().verdict, Verdict::Consistent);
     }
