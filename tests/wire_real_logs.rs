@@ -29,14 +29,15 @@ const STAMPED: [Expected; 19] = [
     // counters for a loss of about 256, we do not.
     Expected { file: "real/ardusub_pymavlink_bug.tlog", good: 50136, bad: 1967, unknown: 0, loss: 11522, lost: 2591, late: 12, restarts: 0 },
     // A ground station with three counters. Where two of them meet at the same numbers they cannot be told apart, so a
-    // part of these 191 and of the late frames is an artefact.
-    Expected { file: "real/crate_mavlink_log.tlog", good: 1426, bad: 0, unknown: 0, loss: 10645, lost: 191, late: 70, restarts: 0 },
+    // part of these 17 and of the late frames is an artefact.
+    Expected { file: "real/crate_mavlink_log.tlog", good: 1426, bad: 0, unknown: 0, loss: 10645, lost: 17, late: 128, restarts: 0 },
     Expected { file: "real/eaics.tlog", good: 8164, bad: 0, unknown: 0, loss: 0, lost: 0, late: 0, restarts: 0 },
     Expected { file: "real/magfit.tlog", good: 2632, bad: 0, unknown: 0, loss: 0, lost: 0, late: 0, restarts: 0 },
     Expected { file: "real/marslab_mav.tlog", good: 270, bad: 0, unknown: 0, loss: 0, lost: 0, late: 0, restarts: 0 },
     // The vehicle rebooted once, which pymavlink counts as 217 lost frames: 3051 - 217 = 2834. The radio adds 6, which
-    // pymavlink leaves out.
-    Expected { file: "real/phoenix_m1.tlog", good: 29475, bad: 0, unknown: 0, loss: 3051, lost: 2840, late: 0, restarts: 1 },
+    // pymavlink leaves out. A serial radio reorders nothing: the 11 late ones are long gaps, which a counter of 8 bits
+    // cannot tell from frames up to 96 places late.
+    Expected { file: "real/phoenix_m1.tlog", good: 29475, bad: 0, unknown: 0, loss: 3051, lost: 2840, late: 11, restarts: 1 },
     Expected { file: "real/sitl_uavsysid_mav.tlog", good: 6948, bad: 0, unknown: 0, loss: 0, lost: 0, late: 0, restarts: 0 },
     Expected { file: "sitl/default_streams.tlog", good: 7430, bad: 0, unknown: 0, loss: 0, lost: 0, late: 0, restarts: 0 },
     Expected { file: "sitl/force_dev.tlog", good: 88294, bad: 0, unknown: 0, loss: 0, lost: 0, late: 0, restarts: 0 },
@@ -78,6 +79,7 @@ fn count(path: &Path) -> (LogFormat, LinkStats) {
 #[test]
 fn stamped_logs_are_counted_as_pymavlink_counts_them() {
     let Some(root) = data() else { return };
+    let mut differences = Vec::new();
     for expected in STAMPED {
         let (format, stats) = count(&root.join(expected.file));
         let file = expected.file;
@@ -88,8 +90,12 @@ fn stamped_logs_are_counted_as_pymavlink_counts_them() {
         let Losses { lost, late, restarts, naive_lost, .. } = stats.losses();
         // pymavlink does not look at the number of an unknown message and then misses it: one loss each
         assert_eq!(naive_lost, expected.loss - expected.unknown, "losses of {file} as pymavlink counts them");
-        assert_eq!((lost, late, restarts), (expected.lost, expected.late, expected.restarts), "losses of {file}");
+        let (found, known) = ((lost, late, restarts), (expected.lost, expected.late, expected.restarts));
+        if found != known {
+            differences.push(format!("{file}: {found:?} in place of {known:?} (lost, late, restarts)"));
+        }
     }
+    assert!(differences.is_empty(), "{differences:#?}");
 }
 
 /// After damage pymavlink skips as many bytes as the damaged header says, we go on at the next byte: of the same

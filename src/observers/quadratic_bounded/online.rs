@@ -374,10 +374,9 @@ impl Observer for WrenchObserver {
         }
         let previous = self.previous.replace(frame).unwrap_or(frame);
         self.fill(&frame, &previous, m);
-        if m.discontinuity.is_some() {
-            self.trust.restart();
-        }
         if !self.opened || m.discontinuity.is_some() || design_changed {
+            // this step is gathered nowhere, so what was gathered up to it no longer adds up
+            self.trust.restart();
             self.start();
             self.publish(&frame, m, 0.0);
             return Ok(&self.estimate);
