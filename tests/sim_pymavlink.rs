@@ -29,7 +29,7 @@ link = mavutil.mavlink_connection("udpin:127.0.0.1:" + sys.argv[1], source_syste
 print("ready", flush=True)
 link.wait_heartbeat(timeout=30)
 link.param_fetch_all()
-places, count, end = set(), None, time.time() + 30
+places, count, end = set(), None, time.time() + 120
 while time.time() < end and (count is None or len(places) < count):
     m = link.recv_match(type="PARAM_VALUE", blocking=True, timeout=1)
     if m is not None:
@@ -38,17 +38,21 @@ while time.time() < end and (count is None or len(places) < count):
 print("parameters", len(places), count)
 def command(id, *params):
     link.mav.command_long_send(link.target_system, 1, id, 0, *params)
-    ack = link.recv_match(type="COMMAND_ACK", blocking=True, timeout=10)
+    ack = link.recv_match(type="COMMAND_ACK", blocking=True, timeout=60)
     return ack.result if ack else None
 mav = mavutil.mavlink
 print("arm", command(mav.MAV_CMD_COMPONENT_ARM_DISARM, 1, 0, 0, 0, 0, 0, 0))
 print("interval", command(mav.MAV_CMD_SET_MESSAGE_INTERVAL, mav.MAVLINK_MSG_ID_GLOBAL_POSITION_INT, 100000, 0, 0, 0, 0, 0))
 print("takeoff", command(mav.MAV_CMD_NAV_TAKEOFF, 0, 0, 0, 0, 0, 0, 12))
-highest, end = 0, time.time() + 30
-while time.time() < end and highest < 11.5:
-    m = link.recv_match(type="GLOBAL_POSITION_INT", blocking=True, timeout=1)
-    if m is not None:
-        highest = max(highest, m.relative_alt / 1000)
+# a minute of the vehicle's own time, however slowly that passes here
+highest, began, now = 0, None, 0
+while highest < 11.5 and now < 60:
+    m = link.recv_match(type="GLOBAL_POSITION_INT", blocking=True, timeout=60)
+    if m is None:
+        break
+    began = m.time_boot_ms if began is None else began
+    now = (m.time_boot_ms - began) / 1000
+    highest = max(highest, m.relative_alt / 1000)
 print("height", highest > 11.5)
 "#;
 
