@@ -113,24 +113,32 @@ fn learn(input: &Path) -> Result<Known, RecordError> {
     let mut known = Known::default();
     let mut segments = Segments::open(input)?;
     while let Some(segment) = segments.next()? {
-        let (at, len, cut) = match segment {
-            Segment::Record { at, len, opcode: SCHEMA | CHANNEL | CHUNK } => (at, len, false),
-            Segment::CutChunk { at, len } => (at, len, true),
+        let (at, len, cut, checked) = match segment {
+            Segment::Record { at, len, opcode: CHUNK } => (at, len, false, true),
+            Segment::Record { at, len, opcode: SCHEMA | CHANNEL } => (at, len, false, false),
+            Segment::CutChunk { at, len } => (at, len, true, false),
             _ => continue,
         };
         let bytes = segments.bytes(at, len)?;
         // what cannot be read is told in the second walk
         let _ = records(&bytes, !cut, &mut |record| match record {
             Record::Schema { header, data } => {
-                known.schemas.insert(header.id, (header.name, header.encoding, data.into_owned()));
+                learned(&mut known.schemas, header.id, (header.name, header.encoding, data.into_owned()), checked);
             }
-            Record::Channel(channel) => {
-                known.channels.insert(channel.id, channel);
-            }
+            Record::Channel(channel) => learned(&mut known.channels, channel.id, channel, checked),
             _ => {}
         });
     }
     Ok(known)
+}
+
+/// What a chunk's checksum vouches for is believed before what stands elsewhere.
+fn learned<T>(known: &mut HashMap<u16, T>, id: u16, new: T, checked: bool) {
+    if checked {
+        known.insert(id, new);
+    } else {
+        known.entry(id).or_insert(new);
+    }
 }
 
 /// The channel in the new file, opened when it is first needed; `None` if nothing says what it holds.
