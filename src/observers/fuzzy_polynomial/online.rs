@@ -19,8 +19,8 @@ pub const REGISTRATION: Registration = Registration {
     builder,
 };
 
-/// Decay rate of the error when the config names none, 1/s: the front's designs ranked by their error on recorded
-/// flights, as the paper's methodology has it.
+/// Decay rate of the error when the config names none, 1/s: by hand, not by the ranking on flights that the methodology
+/// asks for.
 const ALPHA: f64 = 12.0;
 /// Rotor commands older than this starve the observer, s.
 const MAX_AGE_S: f64 = 0.3;
