@@ -36,6 +36,8 @@ pub struct Config {
     pub observers: Vec<ObserverSetting>,
     /// What leaves on a link that says nothing else.
     pub output: OutputSettings,
+    /// Where parameters that ground stations set are kept; `None` for nowhere.
+    pub parameters: Option<PathBuf>,
     /// Where received frames are recorded; `None` for not at all.
     pub record: Option<Recording>,
     pub requests: Requests,
@@ -109,6 +111,7 @@ impl Default for Config {
             vehicles: Vehicles::default(),
             observers: ObserverSetting::standard(),
             output: OutputSettings::default(),
+            parameters: None,
             record: None,
             requests: Requests::default(),
             duplicates: Duration::from_millis(500),

@@ -16,7 +16,11 @@ use tracing_subscriber::EnvFilter;
 
 pub(super) fn config(t: &mut Table<'_>, base: &Path) -> Option<Config> {
     let defaults = Config::default();
-    let output = t.section("output", |t| output(t, defaults.output));
+    let mut parameters = None;
+    let output = t.section("output", |t| {
+        parameters = t.get("parameters").and_then(|v| v.text()).map(|file| base.join(file));
+        output(t, defaults.output)
+    });
     let links = links(t, base, output);
     let vehicles = t.section("vehicle", |t| vehicles(t, base));
     let observers = t.get("observer").is_some().then(|| observers(t));
@@ -28,7 +32,7 @@ pub(super) fn config(t: &mut Table<'_>, base: &Path) -> Option<Config> {
     let metrics = t.section("metrics", |t| t.get("listen").and_then(|v| address(&v)));
     let log = t.section("log", |t| t.get("filter").and_then(|v| log_filter(&v))).unwrap_or(defaults.log);
     let observers = observers.unwrap_or(defaults.observers);
-    Some(Config { links: links?, vehicles, observers, output, record, requests, duplicates, metrics, log })
+    Some(Config { links: links?, vehicles, observers, output, parameters, record, requests, duplicates, metrics, log })
 }
 
 fn links(t: &mut Table<'_>, base: &Path, defaults: OutputSettings) -> Option<Vec<Link>> {

@@ -90,6 +90,29 @@ impl Dialogue {
         self.time.offset()
     }
 
+    /// Has the vehicle granted anything that is to be given back?
+    pub(super) fn owes(&self) -> bool {
+        self.streams.as_ref().is_some_and(|streams| streams.granted().next().is_some())
+    }
+
+    /// What is said on leaving: every message that was asked for goes back to its default interval.
+    pub(super) fn farewell(&self) -> Vec<Question> {
+        let granted = self.streams.iter().flat_map(StreamRequester::granted);
+        granted.map(|message_id| self.interval(message_id, 0.0)).collect()
+    }
+
+    fn interval(&self, message_id: u32, interval_us: f32) -> Question {
+        Question::Command(COMMAND_LONG_DATA {
+            // ids have 24 bits, which f32 holds exactly
+            param1: message_id as f32,
+            param2: interval_us,
+            command: MavCmd::MAV_CMD_SET_MESSAGE_INTERVAL,
+            target_system: self.vehicle.system,
+            target_component: self.vehicle.component,
+            ..COMMAND_LONG_DATA::DEFAULT
+        })
+    }
+
     /// Takes in a frame of the vehicle's autopilot.
     pub(super) fn heard(&mut self, frame: FrameRef<'_>, origin: Origin, now: Now) {
         self.origin = origin;
@@ -165,15 +188,7 @@ impl Dialogue {
         let (target_system, target_component) = (self.vehicle.system, self.vehicle.component);
         let request = self.streams.as_mut().and_then(|streams| streams.poll(now.steady_ms, notice));
         let request = request.and_then(|request| match request {
-            Request::MessageInterval { message_id, interval_us } => Some(Question::Command(COMMAND_LONG_DATA {
-                // ids have 24 bits, which f32 holds exactly
-                param1: message_id as f32,
-                param2: interval_us,
-                command: MavCmd::MAV_CMD_SET_MESSAGE_INTERVAL,
-                target_system,
-                target_component,
-                ..COMMAND_LONG_DATA::DEFAULT
-            })),
+            Request::MessageInterval { message_id, interval_us } => Some(self.interval(message_id, interval_us)),
             Request::DataStream { stream_id, rate_hz } => MavDataStream::from_u8(stream_id).map(|req_stream_id| {
                 Question::Stream(REQUEST_DATA_STREAM_DATA {
                     req_message_rate: rate_hz,
@@ -300,6 +315,24 @@ mod tests {
         scene.says(&answer);
         scene.flies(200, 0);
         assert_eq!(scene.commands().len(), 2, "on to the landed state");
+    }
+
+    #[test]
+    fn what_was_granted_is_given_back() {
+        let mut scene = Scene::new();
+        scene.flies(3_600, 0);
+        assert!(!scene.dialogue.owes() && scene.dialogue.farewell().is_empty(), "asked is not yet granted");
+        scene.says(&COMMAND_ACK_DATA {
+            command: MavCmd::MAV_CMD_SET_MESSAGE_INTERVAL,
+            result: MavResult::MAV_RESULT_ACCEPTED,
+            target_system: 3,
+            target_component: 191,
+            ..COMMAND_ACK_DATA::DEFAULT
+        });
+        assert!(scene.dialogue.owes());
+        let farewell = scene.dialogue.farewell();
+        let [Question::Command(command)] = &farewell[..] else { panic!("{farewell:?}") };
+        assert_eq!((command.param1, command.param2, command.target_system), (24.0, 0.0, 3));
     }
 
     #[test]

@@ -1,3 +1,4 @@
+use super::keeper::KeeperError;
 use crate::record::RecordError;
 use crate::wire::tlog::TlogError;
 use std::io;
@@ -18,6 +19,8 @@ pub enum DaemonError {
     Record { directory: PathBuf, source: RecordError },
     #[error("cannot serve metrics at {address}: {source}; choose another `listen` in [metrics]")]
     Metrics { address: SocketAddr, source: io::Error },
+    #[error("parameter file {}: {source}", path.display())]
+    Parameters { path: PathBuf, source: KeeperError },
     #[error("cannot start the {name} thread: {source}")]
     Thread { name: &'static str, source: io::Error },
 }

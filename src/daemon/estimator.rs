@@ -3,12 +3,15 @@
 use super::batches::{Receiver, Took};
 use super::clock::{Steady, unix_us};
 use super::dialogue::{Dialogue, Now, Question};
+use super::farewell::Farewell;
+use super::keeper::Keeper;
 use super::recorder::{Estimates, RecorderHandle};
 use super::router::{LinkId, Origin, Router};
 use super::status::Board;
 use crate::outputs::{LinkOutputs, OutputSettings};
 use crate::pipeline::{Event, Fleet, Severity, Snapshot, VehicleId};
 use crate::record::session::Track;
+use crate::station::{self, Answer, Change};
 use crate::telemetry::requests::{Need, Notice};
 use crate::wire::{FrameBuf, FrameRef};
 use std::collections::BTreeMap;
@@ -60,6 +63,7 @@ pub(super) struct Worker<E> {
     component: u8,
     board: Arc<Board>,
     steady: Steady,
+    farewell: Arc<Farewell>,
     /// How often each vehicle's observers panicked; most never do.
     panics: BTreeMap<VehicleId, u8>,
 }
@@ -70,8 +74,15 @@ struct Vehicle {
 }
 
 impl<E: Estimator> Worker<E> {
-    pub(super) fn new(estimator: E, voice: Voice, requests: Option<Vec<Need>>, board: Arc<Board>) -> Self {
+    pub(super) fn new(
+        estimator: E,
+        voice: Voice,
+        requests: Option<Vec<Need>>,
+        board: Arc<Board>,
+        farewell: Arc<Farewell>,
+    ) -> Self {
         Self {
+            farewell,
             estimator,
             component: voice.component(),
             voice,
@@ -89,6 +100,9 @@ impl<E: Estimator> Worker<E> {
         loop {
             let took = queue.take(&mut batch, IDLE);
             batch.drain(..).for_each(|work| self.take(&work));
+            if self.farewell.is_due() {
+                self.leave();
+            }
             if took == Took::Closed {
                 break;
             }
@@ -98,6 +112,9 @@ impl<E: Estimator> Worker<E> {
     fn take(&mut self, work: &Work) {
         let frame = work.frame.as_ref();
         let id = VehicleId { system: frame.system_id(), component: frame.component_id() };
+        if work.live && id.component != self.component {
+            self.answer(frame, work.origin);
+        }
         // our own messages come back where two links lead to one network
         if id.component == self.component || self.panics.get(&id).is_some_and(|&count| count >= MOST_PANICS) {
             return;
@@ -158,6 +175,37 @@ impl<E: Estimator> Worker<E> {
         for question in questions.into_iter().flatten() {
             self.voice.ask(*id, &question, work.origin);
         }
+        if dialogue.owes() {
+            self.farewell.owe();
+        }
+    }
+
+    /// Answers what is asked of our component, in each vehicle's system.
+    fn answer(&mut self, frame: FrameRef<'_>, origin: Origin) {
+        // looked up first: hardly any frame is addressed to us
+        let Some((_, component)) = frame.target().filter(|(_, c)| *c == 0 || *c == self.component) else { return };
+        let now_ms = self.steady.ms();
+        let mut last = None;
+        for index in 0..self.vehicles.len() {
+            let id = self.vehicles[index].id;
+            // what everybody is asked is not answered to the vehicle itself
+            let asks_all = component == 0 && frame.system_id() == id.system;
+            if last != Some(id.system) && !asks_all {
+                self.voice.answer(id.system, frame, origin, now_ms);
+            }
+            last = Some(id.system);
+        }
+    }
+
+    /// Gives back what the vehicles granted.
+    fn leave(&mut self) {
+        for Vehicle { id, dialogue } in &self.vehicles {
+            let Some(dialogue) = dialogue else { continue };
+            for question in dialogue.farewell() {
+                self.voice.ask(*id, &question, dialogue.origin);
+            }
+        }
+        self.farewell.said();
     }
 
     fn panicked(&mut self, vehicle: VehicleId) {
@@ -182,6 +230,7 @@ pub(super) struct Voice {
     recorder: Option<(RecorderHandle, LinkOutputs)>,
     estimates: Option<Estimates>,
     component: u8,
+    keeper: Keeper,
 }
 
 impl Voice {
@@ -189,6 +238,7 @@ impl Voice {
         router: Arc<Router>,
         links: Vec<(LinkId, OutputSettings)>,
         recorder: Option<RecorderHandle>,
+        keeper: Keeper,
     ) -> Self {
         // the record holds what a link with the usual rates is told, also when there is no such link
         let settings = links.first().map_or_else(OutputSettings::default, |(_, settings)| *settings);
@@ -198,6 +248,7 @@ impl Voice {
             links: links.into_iter().map(|(id, settings)| (id, LinkOutputs::new(settings))).collect(),
             estimates: recorder.as_ref().map(RecorderHandle::estimates),
             recorder: recorder.map(|handle| (handle, LinkOutputs::new(settings))),
+            keeper,
         }
     }
 
@@ -226,6 +277,44 @@ impl Voice {
         }
         if let Some((recorder, outputs)) = &mut self.recorder {
             speak(outputs, &mut |frame| recorder.record(Track::Sent, 0, now_us, frame));
+        }
+    }
+
+    /// Answers a frame that may be addressed to us in a system, and changes what it asks to change.
+    fn answer(&mut self, system: u8, frame: FrameRef<'_>, to: Origin, now_ms: u64) {
+        let Some((_, outputs)) = self.links.iter_mut().find(|(id, _)| *id == to.link) else { return };
+        let mut settings = outputs.settings();
+        let router = &self.router;
+        let mut answers = Vec::new();
+        let us = (system, self.component);
+        let change = station::answer(frame, us, &mut settings, now_ms as u32, &mut |answer| answers.push(answer));
+        for answer in &answers {
+            let send = &mut |frame: FrameRef<'_>| router.answer(frame, to);
+            match answer {
+                Answer::Parameter(message) => outputs.message(system, message, send),
+                Answer::Ack(message) => outputs.message(system, message, send),
+                Answer::Interval(message) => outputs.message(system, message, send),
+                Answer::Information(message) => outputs.message(system, message, send),
+                Answer::Version(message) => outputs.message(system, message, send),
+                Answer::Ping(message) => outputs.message(system, message, send),
+            }
+        }
+        match change {
+            Some(Change::Interval(_)) => outputs.adopt(settings),
+            Some(Change::Parameter(name)) => {
+                if let Some((_, parameter)) = station::parameter(name) {
+                    let value = parameter.get(&settings);
+                    info!("parameter {name} is now {value}");
+                    let recorder = self.recorder.iter_mut().map(|(_, outputs)| outputs);
+                    for outputs in self.links.iter_mut().map(|(_, outputs)| outputs).chain(recorder) {
+                        let mut settings = outputs.settings();
+                        parameter.set(&mut settings, value);
+                        outputs.adopt(settings);
+                    }
+                    self.keeper.keep(name, value);
+                }
+            }
+            None => {}
         }
     }
 

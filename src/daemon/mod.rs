@@ -28,7 +28,8 @@
 //!
 //! # Stopping
 //!
-//! In this order, under one deadline: links close, the estimator works off its queue and ends, the recorder writes what
+//! First the vehicles get back what they granted: every message that was asked for goes to its default interval. Then, in
+//! this order, under one deadline: links close, the estimator works off its queue and ends, the recorder writes what
 //! it has. Whatever is not done by then is named and left behind.
 
 mod batches;
@@ -36,7 +37,9 @@ mod clock;
 mod dialogue;
 mod error;
 mod estimator;
+mod farewell;
 mod inlet;
+mod keeper;
 mod links;
 mod metrics;
 mod recorder;
@@ -48,6 +51,7 @@ mod status;
 pub use clock::steady_ns;
 pub use error::DaemonError;
 pub use estimator::Estimator;
+pub use keeper::KeeperError;
 pub use router::LinkId;
 pub use service::{Control, Daemon, Summary};
 pub use settings::Settings;

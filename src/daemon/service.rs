@@ -2,7 +2,9 @@
 
 use super::batches::{self, Sender, Wake};
 use super::estimator::{Estimator, Voice, Work, Worker};
+use super::farewell::Farewell;
 use super::inlet::Inlet;
+use super::keeper::Keeper;
 use super::links::{Bound, Outlet};
 use super::metrics;
 use super::recorder::{Recorder, RecorderHandle};
@@ -36,6 +38,7 @@ pub struct Daemon {
     board: Arc<Board>,
     recorder: Option<(RecorderHandle, Recorder<Folder>)>,
     metrics: Option<TcpListener>,
+    keeper: Keeper,
 }
 
 /// Looks into a daemon that runs, and changes what may change meanwhile.
@@ -77,7 +80,11 @@ impl Daemon {
     ///
     /// # Errors
     /// The first port that another program holds, log that cannot be read, or directory that cannot be written.
-    pub async fn bind(settings: Settings) -> Result<Self, DaemonError> {
+    pub async fn bind(mut settings: Settings) -> Result<Self, DaemonError> {
+        let parameters = settings.parameters.clone();
+        let outputs = settings.links.iter_mut().map(|link| &mut link.output);
+        let keeper = Keeper::open(parameters.as_deref(), outputs)
+            .map_err(|source| DaemonError::Parameters { path: parameters.unwrap_or_default(), source })?;
         let mut links = Vec::with_capacity(settings.links.len());
         for link in &settings.links {
             links.push(Bound::bind(link).await?);
@@ -99,7 +106,7 @@ impl Daemon {
         let router = Arc::new(Router::new(outlets.clone(), rules, settings.duplicates));
         let names = settings.links.iter().map(|l| l.name.clone()).collect();
         let board = Arc::new(Board::new(names, outlets, Arc::clone(&router)));
-        Ok(Self { settings, links, router, board, recorder, metrics })
+        Ok(Self { settings, links, router, board, recorder, metrics, keeper })
     }
 
     /// The address that a UDP or TCP port is bound to.
@@ -122,7 +129,8 @@ impl Daemon {
         stop: CancellationToken,
     ) -> Result<Summary, DaemonError> {
         let control = self.control();
-        let Self { settings, links, router, board, recorder, metrics } = self;
+        let Self { settings, links, router, board, recorder, metrics, keeper } = self;
+        let farewell = Arc::new(Farewell::default());
         let (handle, recording) = match recorder {
             Some((handle, recorder)) => {
                 board.recording(handle.state());
@@ -132,7 +140,10 @@ impl Daemon {
         };
         let (sender, estimating) = match estimator {
             Some(estimator) => {
-                let (sender, stage) = estimate(estimator, &settings, &router, handle.clone(), &board)?;
+                let (sender, stage) = {
+                    let voice = voice(&settings, &router, handle.clone(), keeper);
+                    estimate(estimator, voice, &settings, &board, &farewell)?
+                };
                 (Some(sender), Some(stage))
             }
             None => (None, None),
@@ -162,6 +173,7 @@ impl Daemon {
             }
         }
 
+        farewell.leave().await;
         let deadline = Instant::now() + settings.stop_within;
         closing.cancel();
         let mut stragglers = running.close(deadline).await;
@@ -175,19 +187,24 @@ impl Daemon {
     }
 }
 
+/// Our messages to every live link.
+fn voice(settings: &Settings, router: &Arc<Router>, recorder: Option<RecorderHandle>, keeper: Keeper) -> Voice {
+    let talking = settings.links.iter().enumerate().filter(|(_, l)| !matches!(l.url, LinkUrl::Tlog { .. }));
+    let talking = talking.map(|(i, l)| (LinkId(i), l.output)).collect();
+    Voice::new(Arc::clone(router), talking, recorder, keeper)
+}
+
 /// Starts the thread of the observers.
 fn estimate<E: Estimator>(
     estimator: E,
+    voice: Voice,
     settings: &Settings,
-    router: &Arc<Router>,
-    recorder: Option<RecorderHandle>,
     board: &Arc<Board>,
+    farewell: &Arc<Farewell>,
 ) -> Result<(Sender<Work>, Stage), DaemonError> {
     let (sender, queue) = batches::channel::<Work>(ESTIMATOR_QUEUE, Wake::AtOnce);
-    let talking = settings.links.iter().enumerate().filter(|(_, l)| !matches!(l.url, LinkUrl::Tlog { .. }));
-    let talking = talking.map(|(i, l)| (LinkId(i), l.output)).collect();
-    let voice = Voice::new(Arc::clone(router), talking, recorder);
-    let worker = Worker::new(estimator, voice, settings.requests.clone(), Arc::clone(board));
+    let requests = settings.requests.clone();
+    let worker = Worker::new(estimator, voice, requests, Arc::clone(board), Arc::clone(farewell));
     Ok((sender, Stage::start("estimator", move || worker.run(queue))?))
 }
 

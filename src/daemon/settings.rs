@@ -1,6 +1,7 @@
 use crate::config::{Link, Recording};
 use crate::telemetry::requests::Need;
 use std::net::SocketAddr;
+use std::path::PathBuf;
 use std::time::Duration;
 
 /// What a [`Daemon`](super::Daemon) is to do.
@@ -15,6 +16,8 @@ pub struct Settings {
     pub duplicates: Duration,
     /// Where Prometheus may ask for numbers.
     pub metrics: Option<SocketAddr>,
+    /// Where parameters that ground stations set are kept; `None` forgets them.
+    pub parameters: Option<PathBuf>,
     /// How long the parts may take to stop.
     pub stop_within: Duration,
     /// Time between two rounds of status lines.
@@ -30,6 +33,7 @@ impl Settings {
             record: None,
             duplicates: Duration::from_millis(500),
             metrics: None,
+            parameters: None,
             stop_within: Duration::from_secs(5),
             status_every: Duration::from_secs(10),
         }

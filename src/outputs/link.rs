@@ -27,6 +27,19 @@ impl LinkOutputs {
         Self { settings, numbering, vehicles: Vec::new(), last_text_id: 0 }
     }
 
+    pub fn settings(&self) -> OutputSettings {
+        self.settings
+    }
+
+    /// Other settings from now on. The component stays: others know us by it.
+    pub fn adopt(&mut self, settings: OutputSettings) {
+        self.settings = OutputSettings { component: self.settings.component, ..settings };
+        for vehicle in &mut self.vehicles {
+            vehicle.heartbeat = Limiter::new(settings.heartbeat);
+            vehicle.limiters = Limiters::new(&settings.rates);
+        }
+    }
+
     /// One message of our component in the name of `system`, whatever the rates. For requests and time questions.
     pub fn message<M: MessageData>(&mut self, system: u8, message: &M, send: &mut Send<'_>) {
         self.numbering.send(system, message, send);

@@ -97,17 +97,17 @@ pub enum ParameterFileError {
 pub struct ParameterFile;
 
 impl ParameterFile {
-    pub fn write(settings: &OutputSettings) -> String {
-        let line = |p: &Parameter| format!("{} {}\n", p.name, p.get(settings));
-        let lines: String = ALL.iter().map(line).collect();
+    pub fn write(values: &[(&str, f64)]) -> String {
+        let lines: String = values.iter().map(|(name, value)| format!("{name} {value}\n")).collect();
         format!("# Set over MAVLink; written by mavobserver.\n{lines}")
     }
 
-    /// Takes the values of a file into the settings.
+    /// The values of a file.
     ///
     /// # Errors
-    /// The first line that is not understood; those before it have been taken.
-    pub fn read(text: &str, settings: &mut OutputSettings) -> Result<(), ParameterFileError> {
+    /// The first line that is not understood.
+    pub fn values(text: &str) -> Result<Vec<(&'static str, f64)>, ParameterFileError> {
+        let mut values = Vec::new();
         for (i, text) in text.lines().enumerate() {
             let (line, text) = (i + 1, text.trim());
             if text.is_empty() || text.starts_with('#') {
@@ -121,9 +121,9 @@ impl ParameterFile {
             let Some((_, parameter)) = find(name) else {
                 return Err(ParameterFileError::Name { line, name: name.to_owned() });
             };
-            parameter.set(settings, value);
+            values.push((parameter.name, value));
         }
-        Ok(())
+        Ok(values)
     }
 }
 
@@ -154,14 +154,9 @@ mod tests {
 
     #[test]
     fn a_file_brings_back_what_was_set() {
-        let mut settings = OutputSettings::default();
-        find("OUT_NAMED_HZ").unwrap().1.set(&mut settings, 2.5);
-        find("OUT_TEXT").unwrap().1.set(&mut settings, 0.0);
-        let mut restarted = OutputSettings::default();
-        ParameterFile::read(&ParameterFile::write(&settings), &mut restarted).unwrap();
-        assert_eq!(restarted, settings);
-
-        let told = |text: &str| ParameterFile::read(text, &mut OutputSettings::default()).unwrap_err().to_string();
+        let set = [("OUT_NAMED_HZ", 2.5), ("OUT_TEXT", 0.0)];
+        assert_eq!(ParameterFile::values(&ParameterFile::write(&set)).unwrap(), set);
+        let told = |text: &str| ParameterFile::values(text).unwrap_err().to_string();
         assert_eq!(told("# fine\nOUT_WIND_HZ\n"), "line 2: `OUT_WIND_HZ` is no `NAME VALUE`");
         assert_eq!(told("OUT_WIN_HZ 3"), "line 1: there is no parameter `OUT_WIN_HZ`");
     }

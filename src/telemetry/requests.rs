@@ -362,6 +362,14 @@ impl StreamRequester {
         }
     }
 
+    /// The messages whose interval the vehicle granted us: what has to be given back on leaving.
+    pub fn granted(&self) -> impl Iterator<Item = u32> + '_ {
+        self.streams.iter().filter_map(|s| match (s.request, s.asked) {
+            (Target::Message(id), Asked::Granted { .. }) => Some(id),
+            _ => None,
+        })
+    }
+
     /// The vehicle rebooted and has forgotten what was asked.
     pub fn rebooted(&mut self, now_ms: u64) {
         self.judge_from_ms = now_ms + LOOK_FIRST_MS;

@@ -125,6 +125,7 @@ async fn serve(args: &RunArgs, config: Config) -> Result<Summary, Failure> {
 pub(super) fn settings(config: &Config) -> Result<Settings, Failure> {
     let mut settings = Settings::new(config.links.clone());
     settings.record.clone_from(&config.record);
+    settings.parameters.clone_from(&config.parameters);
     settings.duplicates = config.duplicates;
     settings.metrics = config.metrics;
     if config.requests.streams {
