@@ -1,6 +1,7 @@
 //! `mavobserver identify` on recorded and simulated flights whose vehicle is known.
 
 use assert_cmd::cargo::cargo_bin_cmd;
+use mavobserver::observers::Options;
 use serde_json::Value;
 use std::path::{Path, PathBuf};
 
@@ -65,6 +66,8 @@ fn a_recorded_flight_in_unknown_wind_shows_its_vehicle_and_agrees_with_another()
     }
     let model = mavobserver::vehicle::from_file(&file).unwrap();
     assert!((model.facts().hover_thrust_share - 0.39).abs() < 0.01);
+    // a model is of use only if observers can be designed for it
+    mavobserver::observers::build("quadratic_bounded", &model, Options::default()).unwrap();
 }
 
 #[test]

@@ -2,6 +2,7 @@
 
 use super::drag::Form;
 use super::{Arm, ArmOrigin, Identified, Quantity};
+use crate::vehicle::airframe::Autopilot;
 use crate::vehicle::{GRAVITY_MPS2, Spin};
 use std::fmt::{self, Write};
 
@@ -232,7 +233,11 @@ fn write_sensors(out: &mut String, id: &Identified) -> fmt::Result {
     writeln!(out, "gyro_rads = {}", list(n.gyro_rads))?;
     writeln!(out, "velocity_mps = {}", list(n.velocity_mps))?;
     writeln!(out, "tilt_deg = {:.2}", n.tilt_rad.to_degrees())?;
-    writeln!(out, "yaw_deg = 5.0  # not observable: what a calibrated compass gives\ndensity_percent = 2")
+    let yaw = match id.airframe.autopilot {
+        Autopilot::ArduPilot => "2.0  # not observable: what a calibrated compass gives in flight",
+        Autopilot::Px4 => "10.0  # not observable: the estimate drifts in hover",
+    };
+    writeln!(out, "yaw_deg = {yaw}\ndensity_percent = 2")
 }
 
 /// From drag: the force of 15 m/s of wind, built up within two seconds; torque as for any vehicle of that weight.
