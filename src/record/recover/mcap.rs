@@ -15,6 +15,7 @@ const ATTACHMENT: u8 = 0x09;
 const METADATA: u8 = 0x0C;
 const MESSAGE: u8 = 0x05;
 const DATA_END: u8 = 0x0F;
+const FOOTER: u8 = 0x02;
 
 /// What messages need to be understood, from wherever in the file it stands: the summary at the end repeats it.
 #[derive(Default)]
@@ -108,13 +109,21 @@ pub fn recover_mcap<W: Write + Seek>(input: &Path, sink: W) -> Result<(Recovered
     Ok((recovered, writer.into_inner()))
 }
 
-/// Reads every schema and channel that any readable part of the file holds.
+/// Reads the schemas and channels of every readable chunk, and of the summary unless its checksum says that it is
+/// damaged: a changed schema would make other frames of what is saved.
 fn learn(input: &Path) -> Result<Known, RecordError> {
     let mut known = Known::default();
+    let summary_is_sound = summary_is_sound(input)?;
+    let mut ended = false;
     let mut segments = Segments::open(input)?;
     while let Some(segment) = segments.next()? {
         let (at, len, cut, checked) = match segment {
             Segment::Record { at, len, opcode: CHUNK } => (at, len, false, true),
+            Segment::Record { opcode: DATA_END, .. } => {
+                ended = true;
+                continue;
+            }
+            Segment::Record { .. } if ended && !summary_is_sound => continue,
             Segment::Record { at, len, opcode: SCHEMA | CHANNEL } => (at, len, false, false),
             Segment::CutChunk { at, len } => (at, len, true, false),
             _ => continue,
@@ -130,6 +139,27 @@ fn learn(input: &Path) -> Result<Known, RecordError> {
         });
     }
     Ok(known)
+}
+
+/// Whether the records behind the data have the checksum that the footer tells. They are found by walking to them: with
+/// bytes missing or too many in the data, the footer's own positions are wrong.
+fn summary_is_sound(input: &Path) -> Result<bool, RecordError> {
+    let mut segments = Segments::open(input)?;
+    let mut begin = None;
+    while let Some(segment) = segments.next()? {
+        match (segment, begin) {
+            (Segment::Record { at, len, opcode: DATA_END }, _) => begin = Some(at + len),
+            (Segment::Record { at, len, opcode: FOOTER }, Some(begin)) => {
+                let bytes = segments.bytes(begin, at + len - begin)?;
+                let Some((covered, told)) = bytes.split_last_chunk::<4>() else { return Ok(false) };
+                let told = u32::from_le_bytes(*told);
+                // a writer that reckons no checksum writes zero
+                return Ok(told == 0 || told == crc32fast::hash(covered));
+            }
+            _ => {}
+        }
+    }
+    Ok(false)
 }
 
 /// What a chunk's checksum vouches for is believed before what stands elsewhere.

@@ -115,6 +115,22 @@ fn a_chunk_with_a_flipped_bit_is_lost_and_told_with_its_place() {
     assert_eq!(recovered.lost[0].bytes.start, starts[1] as u64);
 }
 
+#[test]
+fn a_summary_with_a_wrong_checksum_teaches_nothing() {
+    let (mut bytes, frames) = recording();
+    let starts = chunks(&bytes);
+    let place = Place::new();
+    // the first chunk holds the definitions; without it they are taken from the summary
+    bytes[starts[0] + 100] ^= 0x10;
+    let (_, saved) = place.recover(&bytes).unwrap();
+    assert_eq!(saved, frames[PER_CHUNK as usize..]);
+    // "pitch" in the summary's schema: the field would be decoded under another name
+    let end = chunks(&bytes)[2] + 9;
+    let field = end + bytes[end..].windows(5).rposition(|w| w == b"pitch").unwrap();
+    bytes[field] ^= 1;
+    assert!(place.recover(&bytes).is_none(), "frames come out of a damaged schema");
+}
+
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(48))]
 
