@@ -10,7 +10,7 @@ use std::io::Read;
 use std::path::Path;
 
 /// No chunk or record of a recording is larger; a damaged length must not take the memory.
-const LONGEST_RECORD: usize = 64 << 20;
+pub(super) const LONGEST_RECORD: usize = 64 << 20;
 /// Bytes read at once.
 const WINDOW: usize = 64 << 10;
 

@@ -1,6 +1,7 @@
 use super::Recovered;
 use super::segments::{Segment, Segments};
 use crate::record::error::RecordError;
+use crate::record::reader::LONGEST_RECORD;
 use mcap::records::{Channel, MessageHeader, Metadata, Record};
 use mcap::sans_io::linear_reader::{LinearReadEvent, LinearReader, LinearReaderOptions};
 use std::collections::HashMap;
@@ -198,7 +199,8 @@ fn records(bytes: &[u8], check: bool, sink: &mut dyn FnMut(Record<'_>)) -> mcap:
     let options = LinearReaderOptions::default()
         .with_skip_start_magic(true)
         .with_skip_end_magic(true)
-        .with_prevalidate_chunk_crcs(check);
+        .with_prevalidate_chunk_crcs(check)
+        .with_record_length_limit(LONGEST_RECORD);
     let mut reader = LinearReader::new_with_options(options);
     let mut rest = bytes;
     while let Some(event) = reader.next_event() {

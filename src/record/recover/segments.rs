@@ -1,6 +1,7 @@
 //! Where the records of a damaged MCAP file begin and end.
 
 use crate::record::error::RecordError;
+use crate::record::reader::LONGEST_RECORD;
 use std::fs::File;
 use std::io::{self, Read, Seek, SeekFrom};
 use std::path::Path;
@@ -11,7 +12,7 @@ const HEADER: u64 = 9;
 const CHUNK: u8 = 0x06;
 const LAST_OPCODE: u8 = 0x0F;
 /// Longer records are taken for damaged lengths.
-const LONGEST: u64 = 64 << 20;
+const LONGEST: u64 = LONGEST_RECORD as u64;
 /// Bytes of a chunk before its records: two times, size, checksum, name of the compression, and the records' length.
 const CHUNK_HEAD: usize = 8 + 8 + 8 + 4 + 4 + 4 + 8;
 const WINDOW: usize = 1 << 20;

@@ -116,6 +116,16 @@ fn a_chunk_with_a_flipped_bit_is_lost_and_told_with_its_place() {
 }
 
 #[test]
+fn a_chunk_that_claims_an_absurd_size_takes_no_memory() {
+    let (mut bytes, frames) = recording();
+    let size = chunks(&bytes)[1] + 9 + 16;
+    bytes[size + 6] ^= 0x80;
+    let (_, saved) = Place::new().recover(&bytes).unwrap();
+    let n = PER_CHUNK as usize;
+    assert_eq!(saved, [&frames[..n], &frames[2 * n..]].concat());
+}
+
+#[test]
 fn a_summary_with_a_wrong_checksum_teaches_nothing() {
     let (mut bytes, frames) = recording();
     let starts = chunks(&bytes);
