@@ -49,6 +49,15 @@ impl Method {
         Self::ALL.into_iter().find(|m| m.name().eq_ignore_ascii_case(name))
     }
 
+    /// The strategy whose gains this one takes: itself, unless it is an analysis.
+    pub fn designed_by(self) -> Self {
+        match self {
+            Self::LinearAnalysis => Self::LinearDesign,
+            Self::OneGainAnalysis => Self::OneGain,
+            other => other,
+        }
+    }
+
     /// Whether the bound holds for the nonlinear plant, not only for its linear or Takagi–Sugeno model.
     pub fn is_judged_on_the_plant(self) -> bool {
         matches!(self, Self::LinearAnalysis | Self::OneGainAnalysis | Self::SumsOfSquares)
@@ -159,14 +168,10 @@ pub fn design(plant: &Plant, method: Method, alpha: f64, options: Options) -> Re
     if !(alpha > 0.0 && alpha.is_finite()) {
         return Err(DesignError::Rate(alpha));
     }
-    let judged = |by: Method| -> Result<Design, DesignError> {
-        let made = takagi_sugeno::design(plant, by, alpha)?;
-        polynomial::analyse(plant, method, &made)
+    let by = method.designed_by();
+    let made = match by {
+        Method::SumsOfSquares => polynomial::design(plant, alpha, options)?.design,
+        _ => takagi_sugeno::design(plant, by, alpha)?,
     };
-    match method {
-        Method::LinearDesign | Method::EightGains | Method::OneGain => takagi_sugeno::design(plant, method, alpha),
-        Method::LinearAnalysis => judged(Method::LinearDesign),
-        Method::OneGainAnalysis => judged(Method::OneGain),
-        Method::SumsOfSquares => Ok(polynomial::design(plant, alpha, options)?.design),
-    }
+    if by == method { Ok(made) } else { polynomial::analyse(plant, method, &made) }
 }
