@@ -36,6 +36,8 @@ pub(super) struct Raw {
     pub(super) duals: Vec<DMatrix<f64>>,
     /// What each block's margin takes from ⟨F(x), Z⟩: margin·tr Z in the scaled units in which it is asked for.
     pub(super) margin_pulls: Vec<f64>,
+    /// The size that the scaling takes each unknown to have.
+    pub(super) units: Vec<f64>,
     pub(super) iterations: u32,
     pub(super) seconds: f64,
 }
@@ -198,6 +200,7 @@ fn run(q: Vec<f64>, rows: Rows, scales: &Scales, starts: &[Start], settings: &Se
         x,
         duals,
         margin_pulls,
+        units: scales.unknowns.clone(),
         iterations: solver.solution.iterations,
         seconds: solver.solution.solve_time,
     })

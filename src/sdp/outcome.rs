@@ -59,24 +59,26 @@ impl Solution {
     }
 }
 
-/// Multipliers Zᵢ ⪰ 0, one per constraint Fᵢ(x) = Fᵢ₀ + Σ xₖ Fᵢₖ ⪰ 0, whose weighted sum Σᵢ⟨Fᵢ(x), Zᵢ⟩ does not depend on
-/// x and is negative. Since ⟨F, Z⟩ ≥ 0 for F, Z ⪰ 0, no x can satisfy all constraints at once.
+/// Multipliers Zᵢ ⪰ 0, one per constraint Fᵢ(x) = Fᵢ₀ + Σ xₖ Fᵢₖ ⪰ 0, whose weighted sum Σᵢ⟨Fᵢ(x), Zᵢ⟩ is negative for all
+/// x within reach. Since ⟨F, Z⟩ ≥ 0 for F, Z ⪰ 0, no such x can satisfy all constraints at once.
 #[derive(Debug, Clone)]
 pub struct Infeasible {
     /// Zᵢ by constraint name.
     pub multipliers: Vec<(String, DMatrix<f64>)>,
     /// Σ⟨Fᵢ₀, Zᵢ⟩, less what margins ask for, as a share of the sum of its terms' sizes: negative.
     pub gap: f64,
-    /// The largest |Σ⟨Fᵢₖ, Zᵢ⟩| over k, as a share of the sum of its terms' sizes: zero but for rounding.
-    pub residual: f64,
+    /// Up to which |xₖ| the sum stays negative, in units of the size cₖ that scaling takes each unknown to have:
+    /// |Σ⟨Fᵢ₀, Zᵢ⟩| / Σₖ cₖ|Σ⟨Fᵢₖ, Zᵢ⟩|. Without bound but for rounding.
+    pub reach: f64,
     /// The smallest eigenvalue of any Zᵢ, as a share of its norm.
     pub positivity: f64,
 }
 
 impl Infeasible {
-    pub(super) fn new(problem: &Problem, duals: Vec<DMatrix<f64>>, margin_pulls: &[f64]) -> Self {
-        let (mut constant, mut constant_scale) = (0.0, 0.0);
-        let mut by_unknown = vec![(0.0, 0.0); problem.unknown_count()];
+    /// `units` holds c.
+    pub(super) fn new(problem: &Problem, duals: Vec<DMatrix<f64>>, margin_pulls: &[f64], units: &[f64]) -> Self {
+        let (mut constant, mut size) = (0.0, 0.0);
+        let mut slopes = vec![0.0; problem.unknown_count()];
         let mut positivity = f64::INFINITY;
         let mut multipliers = Vec::new();
         for (((name, expr), z), pull) in problem.blocks().zip(duals).zip(margin_pulls) {
@@ -85,24 +87,23 @@ impl Infeasible {
                 positivity = positivity.min(verify::smallest_eigenvalue(&z) / norm);
             }
             constant += expr.constant_part().dot(&z) - pull;
-            constant_scale += expr.constant_part().component_mul(&z).abs().sum();
+            size += expr.constant_part().component_mul(&z).abs().sum() + pull.abs();
             for (&k, f) in expr.terms() {
-                by_unknown[k].0 += f.iter().map(|(&at, v)| v * z[at]).sum::<f64>();
-                by_unknown[k].1 += f.iter().map(|(&at, v)| (v * z[at]).abs()).sum::<f64>();
+                slopes[k] += f.iter().map(|(&at, v)| v * z[at]).sum::<f64>();
             }
             multipliers.push((name.to_owned(), z));
         }
-        let share = |(a, scale): (f64, f64)| if scale > 0.0 { a / scale } else { 0.0 };
+        let left: f64 = slopes.iter().zip(units).map(|(slope, c)| (slope * c).abs()).sum();
         Self {
             multipliers,
-            gap: share((constant, constant_scale)),
-            residual: by_unknown.into_iter().map(|p| share(p).abs()).fold(0.0, f64::max),
+            gap: if size > 0.0 { constant / size } else { 0.0 },
+            reach: constant.abs() / left,
             positivity,
         }
     }
 
     pub(super) fn holds(&self) -> bool {
-        self.gap < -1e-9 && self.residual < 1e-4 && self.positivity > -1e-7
+        self.gap < -1e-9 && self.reach > 1e3 && self.positivity > -1e-7
     }
 
     /// The constraints that carry the contradiction, heaviest first.
@@ -119,10 +120,10 @@ impl fmt::Display for Infeasible {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         write!(
             f,
-            "the constraints {} contradict each other (weighted sum {:.1e} < 0, free of the unknowns to {:.1e})",
+            "the constraints {} contradict each other (weighted sum {:.1e} < 0 up to {:.0e} times the unknowns' sizes)",
             self.culprits().join(", "),
             self.gap,
-            self.residual
+            self.reach
         )
     }
 }

@@ -339,7 +339,7 @@ impl Problem {
                 None => Outcome::Inaccurate { reason: "the log det's matrix is not positive".into(), best: None },
             },
             bridge::Status::PrimalInfeasible => {
-                let certificate = Infeasible::new(self, raw.duals, &raw.margin_pulls);
+                let certificate = Infeasible::new(self, raw.duals, &raw.margin_pulls, &raw.units);
                 if certificate.holds() {
                     Outcome::Infeasible(certificate)
                 } else {
