@@ -1,8 +1,9 @@
 //! Messages to frames.
 
 use super::catalog::message_info;
+use super::checksum::checksum;
 use super::frame::{CHECKSUM, FrameBuf, HEADER_V1, HEADER_V2, MAGIC_V1, MAGIC_V2};
-use mavlink_core::{MavlinkVersion, MessageData, calculate_crc, consts};
+use mavlink_core::{MavlinkVersion, MessageData, consts};
 
 /// Why a message cannot be sent.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
@@ -98,7 +99,7 @@ fn assemble(bytes: &mut [u8], header: &[u8], payload: &[u8], crc_extra: u8) -> u
     let end = header.len() + payload.len();
     bytes[..header.len()].copy_from_slice(header);
     bytes[header.len()..end].copy_from_slice(payload);
-    let crc = calculate_crc(&bytes[1..end], crc_extra);
+    let crc = checksum(&bytes[1..end], crc_extra);
     bytes[end..end + CHECKSUM].copy_from_slice(&crc.to_le_bytes());
     end + CHECKSUM
 }

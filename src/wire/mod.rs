@@ -9,6 +9,7 @@
 //! Imports nothing from the rest of the crate.
 
 mod catalog;
+mod checksum;
 pub mod definitions;
 pub mod dialect;
 mod encode;

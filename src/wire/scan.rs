@@ -1,9 +1,10 @@
 //! Where frames begin and end in a run of bytes.
 
 use super::catalog::message_info;
+use super::checksum::checksum;
 use super::event::{BadFrame, BadReason, Event};
 use super::frame::{CHECKSUM, Check, FrameRef, HEADER_V1, HEADER_V2, MAGIC_V1, MAGIC_V2, MAX_FRAME_LEN, SIGNATURE};
-use mavlink_core::{MavlinkVersion, calculate_crc, consts};
+use mavlink_core::{MavlinkVersion, consts};
 use std::ops::Range;
 
 /// What stands at the beginning of some bytes that begin with a magic byte.
@@ -71,7 +72,7 @@ fn verify(frame: &[u8], end: usize, message_id: u32, version: MavlinkVersion) ->
         return Candidate::Unknown { len, version, message_id };
     };
     let received = u16::from_le_bytes([frame[end], frame[end + 1]]);
-    let computed = calculate_crc(&frame[1..end], info.crc_extra);
+    let computed = checksum(&frame[1..end], info.crc_extra);
     if received == computed {
         Candidate::Verified { len, version }
     } else {

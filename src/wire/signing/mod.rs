@@ -11,9 +11,10 @@ mod verify;
 pub use key::{Key, KeyError};
 pub use verify::{Refusal, Unsigned, Verifier};
 
+use super::checksum::checksum;
 use super::frame::{CHECKSUM, FrameBuf, FrameRef, HEADER_V2, SIGNATURE};
 use super::message_info;
-use mavlink_core::{MavlinkVersion, calculate_crc};
+use mavlink_core::MavlinkVersion;
 
 /// The incompatibility flag that announces a signature.
 const SIGNED: u8 = 0x01;
@@ -110,7 +111,7 @@ impl Signer {
             let end = plain.len() - CHECKSUM;
             bytes[..end].copy_from_slice(&plain[..end]);
             bytes[2] |= SIGNED;
-            let crc = calculate_crc(&bytes[1..end], crc_extra).to_le_bytes();
+            let crc = checksum(&bytes[1..end], crc_extra).to_le_bytes();
             bytes[end..end + CHECKSUM].copy_from_slice(&crc);
             let digest = self.key.digest(&bytes[..end + CHECKSUM], link_id, time);
             let signature = &mut bytes[end + CHECKSUM..end + CHECKSUM + SIGNATURE];
