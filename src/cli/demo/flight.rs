@@ -2,11 +2,13 @@ use crate::cli::Failure;
 use crate::cli::sim::Air;
 use crate::config::LinkUrl;
 use crate::evaluate::TruthTrack;
+use crate::outputs::OutputSettings;
 use crate::signal::Stamp;
 use crate::sim::control;
 use crate::sim::dynamics::Truth;
 use crate::sim::scenario::Scenario;
 use crate::sim::{Run, RunOptions};
+use crate::wire::{Event, datagram};
 use std::net::SocketAddr;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
@@ -19,6 +21,14 @@ pub(super) struct Flight {
     pub duration_s: f64,
 }
 
+/// What a flight sent.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Sent {
+    pub frames: u64,
+    /// Those of them that only the daemon gets: answers to what it asked.
+    pub answers: u64,
+}
+
 #[derive(Default)]
 struct Shared {
     track: Mutex<TruthTrack>,
@@ -26,6 +36,7 @@ struct Shared {
     /// When it had left the ground, on the boot clock.
     airborne_since: Mutex<Option<Stamp>>,
     frames: AtomicU64,
+    answers: AtomicU64,
     done: AtomicBool,
 }
 
@@ -60,9 +71,10 @@ impl Flight {
     }
 
     /// Waits for the end; gives the number of frames sent.
-    pub fn finish(self) -> Result<u64, Failure> {
+    pub fn finish(self) -> Result<Sent, Failure> {
         self.thread.join().map_err(|_| Failure::Failed("the simulator's thread panicked".to_owned()))?;
-        Ok(self.shared.frames.load(Ordering::Acquire))
+        let count = |counter: &AtomicU64| counter.load(Ordering::Acquire);
+        Ok(Sent { frames: count(&self.shared.frames), answers: count(&self.shared.answers) })
     }
 }
 
@@ -73,6 +85,9 @@ fn fly(mut run: Run, mut air: Air, shared: &Shared) {
         run.advance(&mut |received| {
             air.send(received.bytes);
             shared.frames.fetch_add(1, Ordering::Relaxed);
+            if datagram(received.bytes).any(|event| answers_the_daemon(&event)) {
+                shared.answers.fetch_add(1, Ordering::Relaxed);
+            }
         });
         let boot = Stamp::from_secs(run.boot_s(0));
         if let Some(moment) = run.moment(0) {
@@ -85,6 +100,11 @@ fn fly(mut run: Run, mut air: Air, shared: &Shared) {
         std::thread::sleep(Duration::from_secs_f64(run.now_s()).saturating_sub(started.elapsed()));
     }
     shared.done.store(true, Ordering::Release);
+}
+
+fn answers_the_daemon(event: &Event<'_>) -> bool {
+    let Event::Frame(frame) = event else { return false };
+    frame.target().is_some_and(|(_, component)| component == OutputSettings::COMPONENT)
 }
 
 /// What is inside, also after a panic of the other side: every value in it is whole.

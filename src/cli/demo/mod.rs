@@ -92,11 +92,11 @@ pub fn run(args: &DemoArgs) -> Result<(), Failure> {
             break;
         }
     }
-    let frames_sent = flight.finish()?;
+    let sent = flight.finish()?;
     let recorded = bridge.stop()?;
     let (picture, page) = (args.out.join("demo.svg"), args.out.join("demo.html"));
     let files = [picture.clone(), page.clone()].into_iter().chain(recorded).collect();
-    let summary = Summary::new(&scenario, &ground, frames_sent, files);
+    let summary = Summary::new(&scenario, &ground, sent, files);
     write(&picture, &ground.figure().titled(&scenario.description).svg()?)?;
     write(&page, &page::of(&summary, &ground).html()?)?;
     screen.clear();

@@ -25,6 +25,7 @@ pub(super) fn of(summary: &Summary, ground: &Ground) -> Page {
         .lead(format!("{}. Every number was decoded from MAVLink at the ground station.", summary.description))
         .fact("in the air", format!("{:.1} s", summary.flown_s))
         .fact("frames of the vehicle", summary.frames_from_vehicle.to_string())
+        .fact("of them answers to the daemon", summary.answers_to_daemon.to_string())
         .fact("of them at the ground", summary.frames_at_ground.to_string())
         .fact("assumptions broken", Cell::percent(Some(summary.violated)).to_string())
         .section(

@@ -1,3 +1,4 @@
+use super::flight::Sent;
 use super::ground::{Ground, Track};
 use crate::sim::scenario::Scenario;
 use serde::Serialize;
@@ -11,6 +12,8 @@ pub(super) struct Summary {
     pub description: String,
     pub flown_s: f64,
     pub frames_from_vehicle: u64,
+    /// Those of them that only the daemon gets: answers to what it asked.
+    pub answers_to_daemon: u64,
     pub frames_at_ground: u64,
     pub estimates: BTreeMap<&'static str, Score>,
     /// Share of the wrench estimates that said that their assumptions are broken.
@@ -35,7 +38,7 @@ pub(super) struct Score {
 }
 
 impl Summary {
-    pub fn new(scenario: &Scenario, ground: &Ground, frames_from_vehicle: u64, files: Vec<PathBuf>) -> Self {
+    pub fn new(scenario: &Scenario, ground: &Ground, sent: Sent, files: Vec<PathBuf>) -> Self {
         let tracks = [("force", "N", &ground.force), ("torque", "N m", &ground.torque), ("wind", "m/s", &ground.wind)];
         let flown_s = ground.span_s.map_or(0.0, |(first, last)| last - first);
         let rate = |n: &u64| (*n as f64 / scenario.duration_s * 10.0).round() / 10.0;
@@ -43,7 +46,8 @@ impl Summary {
             scenario: scenario.name.clone(),
             description: scenario.description.clone(),
             flown_s,
-            frames_from_vehicle,
+            frames_from_vehicle: sent.frames,
+            answers_to_daemon: sent.answers,
             frames_at_ground: ground.vehicles,
             estimates: tracks.into_iter().filter_map(|(name, unit, t)| Some((name, score(unit, t)?))).collect(),
             violated: ground.violated(),
@@ -63,8 +67,8 @@ impl Summary {
     pub fn text(&self) -> String {
         let mut lines = vec![
             format!(
-                "{:.1} s in the air; {} frames sent by the vehicle, {} of them at the ground station",
-                self.flown_s, self.frames_from_vehicle, self.frames_at_ground
+                "{:.1} s in the air; {} frames sent by the vehicle: {} answers to the daemon, {} at the ground station",
+                self.flown_s, self.frames_from_vehicle, self.answers_to_daemon, self.frames_at_ground
             ),
             String::new(),
             format!("{:8}{:>14}{:>16}{:>14}{:>24}", "", "RMSE", "within bound", "while sound", "bound ±"),
