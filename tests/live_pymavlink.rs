@@ -9,7 +9,7 @@ use mavobserver::pipeline::{Fleet, FleetSettings, VehicleId};
 use mavobserver::wire::Encoder;
 use serde_json::Value;
 use std::collections::BTreeMap;
-use std::io::{BufRead, BufReader};
+use std::io::{BufRead, BufReader, Write};
 use std::path::Path;
 use std::process::{Child, Command, Stdio};
 use std::sync::Arc;
@@ -185,20 +185,27 @@ async fn pymavlink_talks_through_the_bridge_both_ways() {
     assert!(summary.status.links.iter().all(|l| l.bad_in == 0 && l.lost_in == 0 && l.dropped_out == 0));
 }
 
-/// The same vehicle with MAVProxy as its station.
+const MISSION: &str = "QGC WPL 110
+0\t1\t0\t16\t0\t0\t0\t0\t47.3977\t8.5456\t488\t1
+1\t0\t3\t22\t0\t0\t0\t0\t47.3977\t8.5456\t10\t1
+2\t0\t3\t16\t0\t0\t0\t0\t47.3987\t8.5466\t20\t1
+";
+
+/// The same vehicle with MAVProxy as its station, which is told what to do as by its user.
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
 async fn mavproxy_talks_through_the_bridge() {
     if !has("pymavlink") || !has("MAVProxy") {
         return;
     }
     let directory = tempfile::tempdir().expect("a directory");
+    std::fs::write(directory.path().join("mission.txt"), MISSION).expect("written");
     let daemon = Running::start(Settings::new(vec![silent(any_port()), silent(any_port())]), Idle).await;
     let proxy = Command::new("mavproxy.py")
         .arg(format!("--master=udpout:{}", daemon.address(1)))
-        .args(["--daemon", "--non-interactive", "--default-modules=param,cmdlong", "--cmd", "long 511 30 100000"])
+        .arg("--default-modules=param,wp,cmdlong")
         .current_dir(directory.path())
         .env("HOME", directory.path())
-        .stdin(Stdio::null())
+        .stdin(Stdio::piped())
         .stdout(Stdio::null())
         .stderr(Stdio::null())
         .spawn();
@@ -206,14 +213,24 @@ async fn mavproxy_talks_through_the_bridge() {
         eprintln!("SKIPPED: mavproxy.py is not here");
         return;
     };
-    // it would wait for a mission to the end of its patience
-    let vehicle = python("bridge_vehicle.py", &[&format!("udpout:{}", daemon.address(0)), "15"]);
-    let heard = tokio::task::spawn_blocking(|| json_of(vehicle)).await.expect("ended");
-    // it may have ended by itself
-    let _ = proxy.kill();
-    proxy.wait().expect("ended");
+    let mut vehicle = python("bridge_vehicle.py", &[&format!("udpout:{}", daemon.address(0)), PATIENCE_S]);
+    let heard = tokio::task::spawn_blocking(move || {
+        let mut keyboard = proxy.stdin.take().expect("piped");
+        // said again until all of it was heard: MAVProxy refuses while it knows no vehicle
+        while vehicle.try_wait().expect("a child").is_none() {
+            // it may have ended by itself
+            let _ = keyboard.write_all(b"wp load mission.txt\nlong 511 30 100000\n");
+            std::thread::sleep(Duration::from_secs(2));
+        }
+        let _ = proxy.kill();
+        proxy.wait().expect("ended");
+        json_of(vehicle)
+    });
+    let heard = heard.await.expect("ended");
     assert!(heard["station_heartbeats"].as_u64() > Some(0), "{heard}");
     assert!(heard["parameters_asked"].as_u64() > Some(0), "{heard}");
-    assert!(heard["commands"].as_array().is_some_and(|c| !c.is_empty()), "{heard}");
+    assert!(heard["commands"].as_array().is_some_and(|c| c.contains(&511.into())), "{heard}");
+    let mission = heard["mission"].as_array().expect("a list");
+    assert_eq!(mission.iter().map(|item| item[0].as_i64()).collect::<Vec<_>>(), [Some(16), Some(22), Some(16)]);
     daemon.stop().await;
 }
