@@ -1,36 +1,14 @@
 //! After its first steps, a vehicle's chain from frame to snapshot allocates nothing.
 
-#![allow(unsafe_code)] // an allocator cannot be written without
-
+mod counting;
 mod hover;
 
+use counting::allocations;
 use mavobserver::pipeline::{Event, Fleet, FleetSettings};
 use mavobserver::vehicle;
 use mavobserver::wire::FrameBuf;
-use std::alloc::{GlobalAlloc, Layout, System};
 use std::sync::Arc;
-use std::sync::atomic::{AtomicUsize, Ordering};
 
-struct Counting;
-
-static ALLOCATIONS: AtomicUsize = AtomicUsize::new(0);
-
-// SAFETY: every call goes to the system allocator unchanged.
-unsafe impl GlobalAlloc for Counting {
-    unsafe fn alloc(&self, layout: Layout) -> *mut u8 {
-        ALLOCATIONS.fetch_add(1, Ordering::Relaxed);
-        unsafe { System.alloc(layout) }
-    }
-
-    unsafe fn dealloc(&self, pointer: *mut u8, layout: Layout) {
-        unsafe { System.dealloc(pointer, layout) }
-    }
-}
-
-#[global_allocator]
-static ALLOCATOR: Counting = Counting;
-
-// The only test of this binary: another one on another thread would be counted too.
 #[test]
 fn a_flying_vehicle_does_not_allocate() {
     let model = Arc::new(vehicle::resolve("arducopter-sitl").expect("a preset"));
@@ -48,9 +26,9 @@ fn a_flying_vehicle_does_not_allocate() {
     };
     let (first, rest) = frames.split_at(frames.len() / 2);
     run(first);
-    let before = ALLOCATIONS.load(Ordering::Relaxed);
+    let before = allocations();
     run(rest);
-    let after = ALLOCATIONS.load(Ordering::Relaxed);
+    let after = allocations();
     assert_eq!(after - before, 0);
     assert!(snapshots > 300, "only {snapshots} snapshots with wind");
 }

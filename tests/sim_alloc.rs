@@ -1,31 +1,11 @@
 //! After its first second, a simulated vehicle allocates nothing: not for physics, sensors, autopilot or messages.
 
+mod counting;
+
+use counting::allocations;
 use mavobserver::sim::scenario;
 use mavobserver::sim::{Run, RunOptions};
-use std::alloc::{GlobalAlloc, Layout, System};
-use std::sync::atomic::{AtomicUsize, Ordering};
 
-struct Counting;
-
-static ALLOCATIONS: AtomicUsize = AtomicUsize::new(0);
-
-// SAFETY: every call goes to the system allocator unchanged.
-#[allow(unsafe_code)]
-unsafe impl GlobalAlloc for Counting {
-    unsafe fn alloc(&self, layout: Layout) -> *mut u8 {
-        ALLOCATIONS.fetch_add(1, Ordering::Relaxed);
-        unsafe { System.alloc(layout) }
-    }
-
-    unsafe fn dealloc(&self, pointer: *mut u8, layout: Layout) {
-        unsafe { System.dealloc(pointer, layout) }
-    }
-}
-
-#[global_allocator]
-static ALLOCATOR: Counting = Counting;
-
-// The only test of this binary: another one on another thread would be counted too.
 #[test]
 fn a_flight_does_not_allocate() {
     for name in ["turbulence", "px4-wind", "sensor-faults"] {
@@ -37,9 +17,9 @@ fn a_flight_does_not_allocate() {
             }
         };
         fly(&mut run, 1.0);
-        let before = ALLOCATIONS.load(Ordering::Relaxed);
+        let before = allocations();
         fly(&mut run, 40.0);
-        assert_eq!(ALLOCATIONS.load(Ordering::Relaxed) - before, 0, "{name}");
+        assert_eq!(allocations() - before, 0, "{name}");
         assert!(frames > 5_000);
     }
 }

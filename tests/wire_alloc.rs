@@ -1,33 +1,12 @@
 //! After its first frames, a link allocates nothing: not for framing, statistics, typed access or encoding.
 
-#![allow(unsafe_code)] // an allocator cannot be written without
+mod counting;
 
+use counting::allocations;
 use mavobserver::wire::dialect::ardupilotmega::{ATTITUDE_DATA, HEARTBEAT_DATA};
 use mavobserver::wire::stats::LinkStats;
 use mavobserver::wire::{Encoder, Event, FrameBuf, Parser, datagram, decode};
-use std::alloc::{GlobalAlloc, Layout, System};
-use std::sync::atomic::{AtomicUsize, Ordering};
 
-struct Counting;
-
-static ALLOCATIONS: AtomicUsize = AtomicUsize::new(0);
-
-// SAFETY: every call goes to the system allocator unchanged.
-unsafe impl GlobalAlloc for Counting {
-    unsafe fn alloc(&self, layout: Layout) -> *mut u8 {
-        ALLOCATIONS.fetch_add(1, Ordering::Relaxed);
-        unsafe { System.alloc(layout) }
-    }
-
-    unsafe fn dealloc(&self, pointer: *mut u8, layout: Layout) {
-        unsafe { System.dealloc(pointer, layout) }
-    }
-}
-
-#[global_allocator]
-static ALLOCATOR: Counting = Counting;
-
-// The only test of this binary: another one on another thread would be counted too.
 #[test]
 fn a_running_link_does_not_allocate() {
     let mut encoder = Encoder::new(1, 1);
@@ -55,9 +34,9 @@ fn a_running_link_does_not_allocate() {
         }
     };
     run(10);
-    let before = ALLOCATIONS.load(Ordering::Relaxed);
+    let before = allocations();
     run(10_000);
-    let allocated = ALLOCATIONS.load(Ordering::Relaxed) - before;
+    let allocated = allocations() - before;
     assert_eq!(allocated, 0);
     assert_eq!(rolls, 0.5 * 10_010.0);
     assert!(kept.is_some());
