@@ -57,7 +57,7 @@ fn assert_told(file: &str, preset: &str, flown_s: [f64; 2], injected: &[(f64, &s
 fn rotors() {
     assert_told("sitl/rotor_dev.tlog", "arducopter-sitl", [69.6, 95.7], &[(83.68, "rotor_4", 0.3)]);
     let weak = [(78.90, "rotor_1", 2.0), (128.99, "rotor_3", 2.0)];
-    assert_told("sitl/motor_degrade.tlog", "arducopter-sitl", [63.9, 179.5], &weak);
+    assert_told("sitl/motor_degrade.tlog", "arducopter-sitl", [63.9, 1e9], &weak);
     // 5 % of a rotor's thrust hides in the noise of this vehicle; 10 %, ten seconds later, does not
     let weak = [(51.22, "rotor_1", 13.0), (90.61, "rotor_3", 13.0)];
     assert_told("px4/motor_degrade.tlog", "px4-sih", [36.4, 130.3], &weak);
@@ -66,20 +66,20 @@ fn rotors() {
 #[test]
 fn sensors() {
     let injected = [(72.22, "accel", 1.0), (92.26, "gyro", 1.0), (110.29, "baro", 0.5), (126.34, "gnss_position", 0.3)];
-    assert_told("sitl/sensor_dev.tlog", "arducopter-sitl", [60.2, 149.8], &injected);
+    assert_told("sitl/sensor_dev.tlog", "arducopter-sitl", [60.2, 1e9], &injected);
 }
 
 #[test]
 fn payload() {
-    assert_told("px4/payload.tlog", "px4-sih", [36.2, 118.4], &[(50.46, "payload", 1.6)]);
+    assert_told("px4/payload.tlog", "px4-sih", [36.2, 118.4], &[(50.46, "payload", 1.2)]);
 }
 
 #[test]
 fn healthy_flights_stay_silent() {
     assert_told("sitl/wind_dev.tlog", "arducopter-sitl", [0.0, 1e9], &[]);
     assert_told("px4/wind_dev.tlog", "px4-sih", [0.0, 1e9], &[]);
-    // until it touches down: at 4 Hz it says so half a second later, and until then the ground looks like a load taken off
-    assert_told("sitl/default_streams.tlog", "arducopter-sitl", [0.0, 167.2], &[]);
+    assert_told("sitl/default_streams.tlog", "arducopter-sitl", [0.0, 1e9], &[]);
+    assert_told("sitl/mavlink1_req4.tlog", "arducopter-sitl", [0.0, 1e9], &[]);
     assert_told("px4/default_streams.tlog", "px4-sih", [0.0, 1e9], &[]);
     // real, lossy, inertial data once a second
     assert_told("real/phoenix_m1.tlog", "arducopter-sitl", [0.0, 1e9], &[]);

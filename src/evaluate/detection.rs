@@ -15,7 +15,9 @@ const NEUTRAL: &str = "gust";
 /// One fault of a flight, as the mask should show it.
 #[derive(Debug, Clone, PartialEq)]
 pub struct TrueFault {
-    /// A name of [`FaultMask::NAMES`].
+    /// What happened, such as `rotor_lost`: the kind by which delays are counted.
+    pub kind: &'static str,
+    /// What it should be called: a name of [`FaultMask::NAMES`].
     pub name: String,
     pub from_s: f64,
     /// Infinite when it never clears.
@@ -24,11 +26,11 @@ pub struct TrueFault {
 
 impl From<&Fault> for TrueFault {
     fn from(fault: &Fault) -> Self {
-        Self { name: fault.kind.to_string(), from_s: fault.from_s, until_s: fault.until_s }
+        Self { kind: fault.kind.kind(), name: fault.kind.to_string(), from_s: fault.from_s, until_s: fault.until_s }
     }
 }
 
-/// How all faults of one name were told, over any number of flights.
+/// How all faults of one kind were told, over any number of flights.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Told {
     /// Faults that happened while the vehicle flew.
@@ -44,8 +46,8 @@ pub struct Told {
 /// How the faults of any number of flights were told.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Detection {
-    /// By name.
-    pub faults: BTreeMap<String, Told>,
+    /// By kind.
+    pub faults: BTreeMap<&'static str, Told>,
     /// Names that rose while nothing was wrong, by name.
     pub false_alarms: BTreeMap<&'static str, u32>,
     /// Names that rose while something else was wrong.
@@ -138,7 +140,7 @@ impl FaultWatch {
     /// What the flight came to.
     pub fn finish(mut self) -> Detection {
         for seen in self.faults.into_iter().filter(|f| f.flown) {
-            let told = self.out.faults.entry(seen.truth.name).or_default();
+            let told = self.out.faults.entry(seen.truth.kind).or_default();
             told.happened += 1;
             told.misnamed += u32::from(seen.misnamed);
             let delay = seen.told_s.map(|t| t - seen.truth.from_s).filter(|d| *d <= PATIENCE_S);
@@ -152,7 +154,7 @@ impl FaultWatch {
 impl Detection {
     pub fn merge(&mut self, other: &Self) {
         for (name, theirs) in &other.faults {
-            let mine = self.faults.entry(name.clone()).or_default();
+            let mine = self.faults.entry(name).or_default();
             mine.happened += theirs.happened;
             mine.misnamed += theirs.misnamed;
             mine.delays_s.extend_from_slice(&theirs.delays_s);
@@ -210,8 +212,8 @@ mod tests {
         FaultMask(names.iter().map(bit).sum())
     }
 
-    fn fault(name: &str, from_s: f64, until_s: f64) -> TrueFault {
-        TrueFault { name: name.to_owned(), from_s, until_s }
+    fn fault(kind: &'static str, name: &str, from_s: f64, until_s: f64) -> TrueFault {
+        TrueFault { kind, name: name.to_owned(), from_s, until_s }
     }
 
     /// Masks that change at the given times, looked at every 20 ms until 100 s.
@@ -227,8 +229,8 @@ mod tests {
 
     #[test]
     fn a_fault_that_is_told_has_a_delay_and_clears() {
-        let d = flight(&[fault("gyro", 20.0, 40.0)], &[(20.5, &["gyro"]), (41.0, &[])]);
-        let told = &d.faults["gyro"];
+        let d = flight(&[fault("gyro_bias", "gyro", 20.0, 40.0)], &[(20.5, &["gyro"]), (41.0, &[])]);
+        let told = &d.faults["gyro_bias"];
         assert_eq!((told.happened, told.misnamed, told.share()), (1, 0, 1.0));
         assert!((told.delay_s(0.5).unwrap() - 0.5).abs() < 0.03);
         assert!((told.median_clear_s().unwrap() - 1.0).abs() < 0.03);
@@ -239,10 +241,14 @@ mod tests {
 
     #[test]
     fn a_wrong_name_is_neither_a_detection_nor_a_false_alarm() {
-        let d = flight(&[fault("rotor_2", 30.0, f64::INFINITY)], &[(30.1, &["rotor_4"]), (30.3, &["rotor_2"])]);
-        assert_eq!((d.faults["rotor_2"].misnamed, d.wrong["rotor_4"], d.false_alarm_count()), (1, 1, 0));
-        assert!((d.faults["rotor_2"].delay_s(0.5).unwrap() - 0.3).abs() < 0.03);
-        let late = flight(&[fault("baro", 30.0, f64::INFINITY)], &[(30.1, &["baro"]), (33.0, &["baro", "mag"])]);
+        let d = flight(
+            &[fault("rotor_lost", "rotor_2", 30.0, f64::INFINITY)],
+            &[(30.1, &["rotor_4"]), (30.3, &["rotor_2"])],
+        );
+        assert_eq!((d.faults["rotor_lost"].misnamed, d.wrong["rotor_4"], d.false_alarm_count()), (1, 1, 0));
+        assert!((d.faults["rotor_lost"].delay_s(0.5).unwrap() - 0.3).abs() < 0.03);
+        let late =
+            flight(&[fault("baro_bias", "baro", 30.0, f64::INFINITY)], &[(30.1, &["baro"]), (33.0, &["baro", "mag"])]);
         assert_eq!((late.faults["baro"].misnamed, late.wrong["mag"]), (0, 1));
     }
 
@@ -255,8 +261,9 @@ mod tests {
 
     #[test]
     fn faults_on_the_ground_or_told_too_late_do_not_count_as_told() {
-        let d = flight(&[fault("mag", 10.0, 60.0), fault("link", 200.0, 300.0)], &[(30.0, &["mag"])]);
-        assert_eq!((d.faults["mag"].happened, d.faults["mag"].share()), (1, 0.0));
+        let d =
+            flight(&[fault("mag_bias", "mag", 10.0, 60.0), fault("link", "link", 200.0, 300.0)], &[(30.0, &["mag"])]);
+        assert_eq!((d.faults["mag_bias"].happened, d.faults["mag_bias"].share()), (1, 0.0));
         assert!(!d.faults.contains_key("link"));
         // the name stands longer than the fault and its grace: no second alarm, it never rose again
         assert_eq!(d.false_alarm_count(), 0);
@@ -264,10 +271,10 @@ mod tests {
 
     #[test]
     fn flights_add_up() {
-        let mut all = flight(&[fault("gyro", 20.0, 40.0)], &[(20.5, &["gyro"])]);
-        all.merge(&flight(&[fault("gyro", 20.0, 40.0)], &[(22.5, &["gyro"])]));
-        all.merge(&flight(&[fault("gyro", 20.0, 40.0)], &[]));
-        let told = &all.faults["gyro"];
+        let mut all = flight(&[fault("gyro_bias", "gyro", 20.0, 40.0)], &[(20.5, &["gyro"])]);
+        all.merge(&flight(&[fault("gyro_bias", "gyro", 20.0, 40.0)], &[(22.5, &["gyro"])]));
+        all.merge(&flight(&[fault("gyro_bias", "gyro", 20.0, 40.0)], &[]));
+        let told = &all.faults["gyro_bias"];
         assert_eq!((told.happened, told.delays_s.len()), (3, 2));
         assert!((told.delay_s(1.0).unwrap() - 2.5).abs() < 0.03 && (told.share() - 2.0 / 3.0).abs() < 1e-12);
     }

@@ -41,6 +41,11 @@ impl Height {
         }
     }
 
+    /// Forgets the past, where the vehicle's own height says nothing.
+    pub fn restart(&mut self) {
+        *self = Self::new();
+    }
+
     pub fn told(&self) -> (&Monitor, Residual) {
         let guarantee = Guarantee::Statistical(0.999);
         (&self.monitor, Residual { name: "baro_height", value: self.drift_m, admissible: HEIGHT_M, guarantee })

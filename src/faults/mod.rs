@@ -10,23 +10,30 @@
 //! | `inertial` | two inertial sensors of one body | gyro, accelerometer |
 //! | `fixes` | GNSS positions against their own velocities; those against the vehicle's | GNSS |
 //! | `height` | barometer against vertical velocity | barometer |
-//! | `field` | length of the magnetic field against what it was | magnetometer |
+//! | `field` | magnetic field, by the vehicle's attitude, against what it was | magnetometer |
 //! | `rotors` | torque against what each rotor's loss would leave | rotor |
-//! | `weight` | vertical force against weight | payload |
+//! | `speed` | measured rotor speed against its command | rotor |
+//! | `weight` | force along the thrust axis against weight | payload |
+//! | `averaged` | the smoothed difference of two sources against chance | |
+//! | `level` | how far chance reaches, from the false alarms that are bearable | |
 //! | `monitor` | how long before a fault is told, and before it clears | |
-//! | `bank` | all together | |
+//! | `bank` | all together, and which of them explains which | |
 //!
-//! The levels are statistical: they come from the vehicle's declared noise with room for what telemetry adds.
+//! The levels are statistical: what is declared of the vehicle, and beside it what chance makes of the unrest that each
+//! residual shows.
 //! Imports `signal`, `vehicle` and nothing else.
 
+mod averaged;
 mod bank;
 mod fault;
 mod field;
 mod fixes;
 mod height;
 mod inertial;
+mod level;
 mod monitor;
 mod rotors;
+mod speed;
 mod weight;
 
 #[cfg(test)]

@@ -1,6 +1,7 @@
 use super::monitor::Monitor;
+use super::weight::LEVER;
 use crate::signal::{Guarantee, MAX_ROTORS, Measurement, Residual};
-use crate::vehicle::{GRAVITY_MPS2, Vehicle};
+use crate::vehicle::{Air, GRAVITY_MPS2, ThrustCurve, Vehicle};
 use nalgebra::{Matrix3, Vector2, Vector3};
 
 /// A torque that lies off every rotor's direction by more than this share of itself is no rotor's.
@@ -54,6 +55,11 @@ pub(super) struct Rotors {
     lacking: [Vector2<f64>; MAX_ROTORS],
     count: usize,
     hover_n: f64,
+    thrust: ThrustCurve,
+    /// Thrust asked of each rotor, smoothed as `slow` is, N.
+    asked_n: [f64; MAX_ROTORS],
+    /// Torque about roll and pitch that a load beside the middle makes, N m.
+    load_nm: Vector2<f64>,
     slow: Torque,
     quick: Torque,
     monitors: [Monitor; MAX_ROTORS],
@@ -74,6 +80,9 @@ impl Rotors {
             lacking,
             count,
             hover_n: vehicle.mass_kg.nominal * GRAVITY_MPS2 / count.max(1) as f64,
+            thrust: vehicle.thrust,
+            asked_n: [0.0; MAX_ROTORS],
+            load_nm: Vector2::zeros(),
             slow: Torque::new(0.7),
             quick: Torque::new(0.06),
             monitors: [Monitor::new(0.8, 1.5); MAX_ROTORS],
@@ -82,7 +91,8 @@ impl Rotors {
         }
     }
 
-    pub fn step(&mut self, m: &Measurement) {
+    /// Takes in one measurement. `lift_lacks_n` is the lift that is lacking beyond doubt.
+    pub fn step(&mut self, m: &Measurement, lift_lacks_n: f64) {
         let Some(actuation) = m.actuation.filter(|a| a.age_s.abs() < 0.3).map(|a| a.value) else { return };
         if !(1e-4..0.2).contains(&m.dt_s) {
             self.restart();
@@ -93,7 +103,13 @@ impl Rotors {
         let input = actuation.torque_frd_nm - rate.cross(&momentum) - self.damping.component_mul(&rate);
         self.slow.step(momentum, input, m.dt_s);
         self.quick.step(momentum, input, m.dt_s);
-        let (slow, quick) = (self.slow.residual.xy(), self.quick.residual.xy());
+        let (slow, quick) = (self.slow.residual.xy() - self.load_nm, self.quick.residual.xy() - self.load_nm);
+        let air = Air { voltage_v: m.voltage_v.map(|v| v.value), density_kgm3: None, climb_mps: 0.0 };
+        let share = (m.dt_s / self.slow.tau_s).min(1.0);
+        for i in 0..self.count {
+            let asked = self.thrust.thrust_n(actuation.rotors.command[i], air);
+            self.asked_n[i] += (asked - self.asked_n[i]) * if self.asked_n[i] == 0.0 { 1.0 } else { share };
+        }
         if let Some(i) = (0..self.count).find(|i| self.quick_monitors[*i].active()) {
             // what turns over has torques of every direction: only calm ends this, and nothing else is read from it
             let calm = rate.norm() < CONTROLLED_RADS
@@ -113,7 +129,9 @@ impl Rotors {
             let (loss, fits) = share(slow);
             self.loss[i] = loss;
             if self.slow.settled() {
-                let ratio = if fits || loss < SLOW_LOSS { loss.max(0.0) / SLOW_LOSS } else { 0.9 };
+                let is_load = lift_lacks_n > LEVER * loss * self.hover_n;
+                let ratio = loss.max(0.0) / SLOW_LOSS;
+                let ratio = if fits && !is_load { ratio } else { ratio.min(0.9) };
                 self.monitors[i].see(ratio, m.stamp, m.dt_s);
             }
             let (loss, fits) = share(quick);
@@ -131,6 +149,21 @@ impl Rotors {
         self.monitors.iter_mut().chain(&mut self.quick_monitors).for_each(Monitor::forget);
     }
 
+    /// Takes the torque of now for that of the load.
+    pub fn load(&mut self) {
+        self.load_nm = self.slow.residual.xy();
+    }
+
+    pub fn unload(&mut self) {
+        self.load_nm = Vector2::zeros();
+    }
+
+    /// Thrust that a rotor under suspicion lacks, N.
+    pub fn lacks_n(&self) -> f64 {
+        let worst = self.loss[..self.count].iter().copied().fold(0.0, f64::max);
+        if self.slow.since_s > 0.0 && worst > 0.5 * SLOW_LOSS { worst * self.hover_n } else { 0.0 }
+    }
+
     /// The rotor that is at fault, if one is, with the monitor that says so.
     pub fn told(&self) -> Option<(u8, &Monitor, Residual)> {
         let active = |i: &usize| self.quick_monitors[*i].active() || self.monitors[*i].active();
@@ -139,7 +172,9 @@ impl Rotors {
         let (monitor, admissible) =
             if quick { (&self.quick_monitors[i], QUICK_LOSS) } else { (&self.monitors[i], SLOW_LOSS) };
         let guarantee = Guarantee::Statistical(0.999);
-        Some((i as u8, monitor, Residual { name: "rotor_loss", value: self.loss[i], admissible, guarantee }))
+        // of what is asked of it now, which a controller has raised
+        let value = (self.loss[i] * self.hover_n / self.asked_n[i].max(0.3 * self.hover_n)).min(1.0);
+        Some((i as u8, monitor, Residual { name: "rotor_loss", value, admissible, guarantee }))
     }
 
     /// The loss of every rotor that the slow torque would be, each taken for the only one.

@@ -180,12 +180,92 @@ fn a_torque_of_the_air_is_no_rotor() {
 fn weight_is_payload_and_not_a_rotor() {
     let lift =
         |kg: f64| move |m: &mut Measurement| m.actuation.as_mut().unwrap().value.force_frd_n.z -= kg * GRAVITY_MPS2;
-    told_and_cleared(Fault::Payload, 1.0 + 0.5, lift(0.6));
+    told_and_cleared(Fault::Payload, 1.0, lift(0.6));
     let mut h = Hover::new();
     h.fly(10.0, |_| {});
-    h.fly(4.0, lift(0.6));
+    h.fly(20.0, lift(0.6));
     let size = h.bank.active().next().unwrap().magnitude;
     assert!((size - 0.6).abs() < 0.03, "{size}");
+    // it is told when it is put down, too
+    let dropped = Stamp::from_millis(20 * i64::from(h.step));
+    h.fly(1.0, |_| {});
+    let told = *h.bank.active().next().unwrap();
+    assert!(told.fault == Fault::Payload && told.onset - dropped < 0.5 && (told.magnitude + 0.6).abs() < 0.03);
+    h.fly(4.0, |_| {});
+    assert_eq!(h.told(), []);
+}
+
+/// Of a load beside the middle the torque alone would be a weak rotor.
+#[test]
+fn a_load_beside_the_middle_is_no_rotor() {
+    let mut h = Hover::new();
+    h.fly(10.0, |_| {});
+    let at = h.vehicle.rotors[0].position_frd_m * 0.15;
+    let load = move |m: &mut Measurement| {
+        let a = &mut m.actuation.as_mut().unwrap().value;
+        let carried = Vector3::new(0.0, 0.0, -0.8 * GRAVITY_MPS2);
+        a.force_frd_n += carried;
+        a.torque_frd_nm += at.cross(&carried);
+    };
+    for _ in 0..10 {
+        h.fly(1.0, load);
+        assert!(!h.told().iter().any(|f| matches!(f, Fault::Rotor(_))), "{:?}", h.told());
+    }
+    assert_eq!(h.told(), [Fault::Payload]);
+}
+
+#[test]
+fn a_rotor_that_does_not_turn_as_told_is_named_by_its_speed() {
+    let mut h = Hover::new();
+    let turning = |slow: f64| {
+        move |m: &mut Measurement| {
+            let mut rpm = [6600.0; MAX_ROTORS];
+            rpm[2] *= slow;
+            m.rotor_rpm = Some(Aged { value: rpm, age_s: 0.0 });
+        }
+    };
+    h.fly(10.0, turning(1.0));
+    assert_eq!(h.told(), []);
+    h.fly(0.3, turning(0.5));
+    assert_eq!(h.told(), [Fault::Rotor(2)]);
+    assert!((h.bank.active().next().unwrap().magnitude - 0.75).abs() < 0.01);
+    h.fly(3.0, turning(1.0));
+    assert_eq!(h.told(), []);
+}
+
+#[test]
+fn a_field_from_elsewhere_is_the_magnetometers_fault_and_a_turn_is_not() {
+    let mut h = Hover::new();
+    let field = Vector3::new(0.2, 0.0, 0.4);
+    let turned = |yaw_rad: f64, disturbed: f64| {
+        move |m: &mut Measurement| {
+            let q = UnitQuaternion::from_euler_angles(0.0, 0.0, yaw_rad);
+            m.attitude = Some(Aged { value: q, age_s: 0.0 });
+            let life = m.magnetometer.unwrap().value.field_frd_gauss.y;
+            let seen = q.inverse() * field + Vector3::new(0.0, life, disturbed);
+            m.magnetometer.as_mut().unwrap().value.field_frd_gauss = seen;
+        }
+    };
+    h.fly(8.0, turned(0.0, 0.0));
+    h.fly(4.0, turned(2.0, 0.0));
+    assert_eq!(h.told(), []);
+    h.fly(1.0, turned(2.0, 0.15));
+    assert_eq!(h.told(), [Fault::Magnetometer]);
+}
+
+#[test]
+fn what_meets_the_ground_drops_no_load_and_lacks_no_rotor() {
+    let mut h = Hover::new();
+    h.fly(10.0, |m| m.velocity_ned_mps = Some(Aged { value: Vector3::new(0.0, 0.0, 0.5), age_s: 0.0 }));
+    // the ground takes ever more of the weight, on one leg first
+    for part in 1..20 {
+        h.fly(0.06, |m| {
+            let a = &mut m.actuation.as_mut().unwrap().value;
+            a.force_frd_n.z *= 1.0 - 0.05 * f64::from(part);
+            a.torque_frd_nm.x += 0.4;
+        });
+        assert_eq!(h.told(), []);
+    }
 }
 
 #[test]

@@ -80,6 +80,35 @@ pub enum FaultKind {
     Link(LinkTrouble),
 }
 
+impl FaultKind {
+    /// What happens, in the word that a scenario's file has for it.
+    pub fn kind(&self) -> &'static str {
+        match self {
+            Self::RotorWeak { share, .. } if *share == 0.0 => "rotor_lost",
+            Self::RotorWeak { .. } => "rotor_weak",
+            Self::RotorDamaged { .. } => "rotor_damaged",
+            Self::RotorStuck { .. } => "rotor_stuck",
+            Self::PayloadAttached(_) => "payload",
+            Self::AccelBias { .. } => "accel_bias",
+            Self::AccelNoise { .. } => "accel_noise",
+            Self::AccelFrozen { .. } => "accel_frozen",
+            Self::GyroBias { .. } => "gyro_bias",
+            Self::GyroNoise { .. } => "gyro_noise",
+            Self::GyroFrozen { .. } => "gyro_frozen",
+            Self::MagBias { .. } => "mag_bias",
+            Self::MagNoise { .. } => "mag_noise",
+            Self::MagFrozen => "mag_frozen",
+            Self::BaroBias { .. } => "baro_bias",
+            Self::BaroNoise { .. } => "baro_noise",
+            Self::BaroFrozen => "baro_frozen",
+            Self::GnssStep { .. } => "gnss_step",
+            Self::GnssRamp { .. } => "gnss_ramp",
+            Self::GnssLost => "gnss_lost",
+            Self::Link(_) => "link",
+        }
+    }
+}
+
 impl fmt::Display for FaultKind {
     /// The name an estimate's fault column uses.
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
