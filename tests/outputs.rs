@@ -6,11 +6,11 @@ use live_support::{Echo, attitude, hover_step};
 use mavlink_core::MessageData;
 use mavobserver::daemon::steady_ns;
 use mavobserver::outputs::{LinkOutputs, OutputSettings, Rate, SCALARS};
-use mavobserver::pipeline::{Event, FaultMask, Fleet, FleetSettings, Severity, VehicleId};
-use mavobserver::signal::{Guarantee, Verdict};
+use mavobserver::pipeline::{Event, FaultDetail, FaultMask, Fleet, FleetSettings, Severity, VehicleId};
+use mavobserver::signal::{Guarantee, Stamp, Verdict};
 use mavobserver::wire::dialect::ardupilotmega::{
     DEBUG_FLOAT_ARRAY_DATA, DEBUG_VECT_DATA, HEARTBEAT_DATA, MavAutopilot, MavSeverity, MavState, MavType,
-    NAMED_VALUE_FLOAT_DATA, STATUSTEXT_DATA, WIND_COV_DATA,
+    NAMED_VALUE_FLOAT_DATA, NAMED_VALUE_INT_DATA, STATUSTEXT_DATA, WIND_COV_DATA,
 };
 use mavobserver::wire::dialect::mavobserver::{
     FAULT_STATUS_DATA, MavobserverFault, MavobserverFaultLevel, MavobserverGuarantee, MavobserverVerdict,
@@ -171,7 +171,9 @@ fn our_own_messages_hold_everything() {
     assert_eq!((wrench.level, wrench.torque_half_width), (1.0, [f32::INFINITY; 3]));
     let fault = all::<FAULT_STATUS_DATA>(&sent).remove(0);
     let rotors = MavobserverFault::MAVOBSERVER_FAULT_ROTOR_1 | MavobserverFault::MAVOBSERVER_FAULT_ROTOR_3;
-    assert_eq!((fault.active, fault.onset_boot_us), (rotors, 1_000_000));
+    assert_eq!((fault.active, fault.onset_boot_us, fault.magnitude), (rotors, 1_000_000, 0.25));
+    let mask = all::<NAMED_VALUE_INT_DATA>(&sent).remove(0);
+    assert_eq!((mask.value, mask.name.to_str()), (0b101, Ok("Faults")));
 }
 
 #[test]
@@ -181,7 +183,11 @@ fn a_fault_is_told_at_once_and_its_end_too() {
     for k in 0..100 {
         let now = START_US + 20_000 * u64::from(k);
         let mut snapshot = Echo::snapshot(VEHICLE, &attitude(k), now);
-        snapshot.faults = FaultMask(if (33..61).contains(&k) { 1 << 12 } else { 0 });
+        let (fault, onset) = (FaultMask(1 << 12), Stamp::from_millis(i64::from(attitude(33).time_boot_ms) - 300));
+        let newest = FaultDetail { mask: fault, onset, magnitude: 0.05, guarantee: Guarantee::Guaranteed };
+        let lasts = (33..61).contains(&k);
+        snapshot.faults = if lasts { fault } else { FaultMask(0) };
+        snapshot.newest_fault = lasts.then_some(newest);
         outputs.snapshot(&snapshot, &mut |frame| {
             if let Some(fault) = decode::<FAULT_STATUS_DATA>(frame) {
                 told.push((k, fault.active, fault.level, fault.onset_boot_us));
@@ -190,7 +196,8 @@ fn a_fault_is_told_at_once_and_its_end_too() {
     }
     let none = (MavobserverFault::empty(), MavobserverFaultLevel::MAVOBSERVER_FAULT_LEVEL_NONE, 0);
     let gyro = MavobserverFault::MAVOBSERVER_FAULT_GYRO;
-    let onset = u64::from(attitude(33).time_boot_ms) * 1_000;
+    // when it began, not when it was told
+    let onset = u64::from(attitude(33).time_boot_ms) * 1_000 - 300_000;
     let gyro = (gyro, MavobserverFaultLevel::MAVOBSERVER_FAULT_LEVEL_ISOLATED, onset);
     let changes: Vec<_> = [0, 33, 61].map(|k| told.iter().find(|t| t.0 == k).map(|t| (t.1, t.2, t.3))).into();
     assert_eq!(changes, [Some(none), Some(gyro), Some(none)]);

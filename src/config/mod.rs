@@ -5,7 +5,7 @@
 //! Paths in a config are relative to the file that holds them, so that a config works from any directory.
 //!
 //! `config/example.toml` shows every key with its default.
-//! Imports `document`, `vehicle`, `observers`, `pipeline`, `outputs`, `record`, `routing` and `wire`.
+//! Imports `document`, `vehicle`, `observers`, `faults`, `pipeline`, `outputs`, `record`, `routing` and `wire`.
 
 mod link_url;
 mod output;
@@ -16,6 +16,7 @@ mod rules;
 pub use link_url::{Flow, LinkUrl, LinkUrlError, Pace};
 
 use crate::document::{Document, Issue, Issues};
+use crate::faults::FaultSettings;
 use crate::outputs::OutputSettings;
 use crate::pipeline::{FleetSettings, ObserverSetting};
 use crate::record::session::Policy;
@@ -34,6 +35,7 @@ pub struct Config {
     pub vehicles: Vehicles,
     /// The observers that run on every vehicle.
     pub observers: Vec<ObserverSetting>,
+    pub faults: FaultSettings,
     /// What leaves on a link that says nothing else.
     pub output: OutputSettings,
     /// Where parameters that ground stations set are kept; `None` for nowhere.
@@ -110,6 +112,7 @@ impl Default for Config {
             links: Vec::new(),
             vehicles: Vehicles::default(),
             observers: ObserverSetting::standard(),
+            faults: FaultSettings::default(),
             output: OutputSettings::default(),
             parameters: None,
             record: None,
@@ -150,6 +153,7 @@ impl Config {
             vehicle: self.vehicles.default.clone()?,
             by_system: self.vehicles.by_system.clone(),
             observers: self.observers.clone(),
+            faults: self.faults,
         })
     }
 

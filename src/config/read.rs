@@ -3,6 +3,7 @@ use super::record::record;
 use super::rules::rules;
 use super::{Config, Link, LinkUrl, Requests, Vehicles};
 use crate::document::{Limit, Table, Value};
+use crate::faults::FaultSettings;
 use crate::observers::{OptionValue, Options, REGISTRY};
 use crate::outputs::OutputSettings;
 use crate::pipeline::ObserverSetting;
@@ -32,7 +33,20 @@ pub(super) fn config(t: &mut Table<'_>, base: &Path) -> Option<Config> {
     let metrics = t.section("metrics", |t| t.get("listen").and_then(|v| address(&v)));
     let log = t.section("log", |t| t.get("filter").and_then(|v| log_filter(&v))).unwrap_or(defaults.log);
     let observers = observers.unwrap_or(defaults.observers);
-    Some(Config { links: links?, vehicles, observers, output, parameters, record, requests, duplicates, metrics, log })
+    let faults = t.section("faults", faults);
+    Some(Config {
+        links: links?,
+        vehicles,
+        observers,
+        faults,
+        output,
+        parameters,
+        record,
+        requests,
+        duplicates,
+        metrics,
+        log,
+    })
 }
 
 fn links(t: &mut Table<'_>, base: &Path, defaults: OutputSettings) -> Option<Vec<Link>> {
@@ -173,6 +187,12 @@ fn log_filter(v: &Value<'_>) -> Option<String> {
         return None;
     }
     Some(filter.to_owned())
+}
+
+fn faults(t: &mut Table<'_>) -> FaultSettings {
+    let [least, most] = FaultSettings::RATES;
+    let rate = t.get("false_alarms_per_hour").and_then(|v| v.number(Limit::Within(least, most)));
+    rate.map_or_else(FaultSettings::default, |false_alarms_per_hour| FaultSettings { false_alarms_per_hour })
 }
 
 fn requests(t: &mut Table<'_>) -> Requests {

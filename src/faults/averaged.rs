@@ -7,7 +7,9 @@ use nalgebra::Vector3;
 const FIRST_S: f64 = 3.0;
 const REFERENCE_S: f64 = 60.0;
 /// Its unrest is learnt over this time, s, each departure counted as at most so many standard deviations.
+/// In the first time, s, it is a true mean.
 const LEARN_S: f64 = 120.0;
+const EARLY_S: f64 = 10.0;
 const CLIP: f64 = 3.0;
 
 /// How two sources of one vector are compared.
@@ -81,8 +83,8 @@ impl Averaged {
         // a true mean until there is as much to smooth over as asked
         self.mean += (difference - self.mean) * (dt_s / self.seen_s.min(self.with.span_s)).min(1.0);
         if self.seen_s - dt_s < FIRST_S && self.seen_s >= FIRST_S {
-            // what the steps make of it is nearer than what is declared, and half as much more is for what they miss
-            self.variance = (1.5 * 1.5 * self.unrest).min(self.variance);
+            // what the steps make of it is nearer than what is declared, but for what they miss: all that is slow
+            self.variance = (1.5 * 1.5 * self.unrest).clamp(0.25 * self.variance, self.variance);
         }
         let departure = self.mean - self.reference;
         if departure.norm() <= self.admissible() && !self.monitor.active() {
@@ -90,7 +92,8 @@ impl Averaged {
             self.refer(self.reference + departure * (dt_s / over_s).min(1.0));
             if self.seen_s > self.with.span_s {
                 let square = (departure.norm_squared() / 3.0).min(CLIP * CLIP * self.variance);
-                self.variance += (square - self.variance) * (dt_s / LEARN_S).min(1.0);
+                let over_s = if self.seen_s < EARLY_S { self.seen_s } else { LEARN_S };
+                self.variance += (square - self.variance) * (dt_s / over_s).min(1.0);
             }
         }
         self.monitor.see(self.residual().ratio(), stamp, dt_s);
@@ -114,5 +117,85 @@ impl Averaged {
             admissible: self.admissible(),
             guarantee: Guarantee::Statistical(p),
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::faults::FaultSettings;
+
+    /// A sequence of standard normal numbers, by the sum of twelve uniform ones (tails to six deviations).
+    struct Noise(u64);
+
+    impl Noise {
+        fn next(&mut self) -> f64 {
+            let mut uniform = || {
+                // Knuth's linear congruence, its upper half
+                self.0 = self.0.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+                (self.0 >> 33) as f64 / (1u64 << 31) as f64
+            };
+            (0..12).map(|_| uniform()).sum::<f64>() - 6.0
+        }
+
+        fn vector(&mut self, sigma: f64) -> Vector3<f64> {
+            Vector3::new(self.next(), self.next(), self.next()) * sigma
+        }
+    }
+
+    fn compared(per_hour: f64) -> Averaged {
+        Averaged::new(Comparison {
+            name: "test",
+            span_s: 1.0,
+            still: 0.0,
+            constant: 0.0,
+            sigma: 0.6,
+            per_hour,
+            tell_s: 0.0,
+            clear_s: 0.2,
+        })
+    }
+
+    /// Alarms in this many hours of healthy differences ten times a second, that remember the last by `memory`.
+    fn alarms(per_hour: f64, hours: f64, memory: f64) -> u32 {
+        let (mut noise, mut a) = (Noise(7), compared(per_hour));
+        let (mut told, mut before, mut d) = (0, false, Vector3::zeros());
+        for k in 0..(hours * 36_000.0) as i64 {
+            d = d * memory + noise.vector((1.0 - memory * memory).sqrt());
+            a.see(d, Stamp::from_millis(100 * k), 0.1);
+            told += u32::from(a.monitor.active() && !before);
+            before = a.monitor.active();
+        }
+        told
+    }
+
+    #[test]
+    fn healthy_differences_alarm_no_oftener_than_is_asked() {
+        // white, and with a memory of half a second; where nothing is lawful but chance, so that chance alone counts
+        for memory in [0.0, 0.8] {
+            let often = alarms(30.0, 5.0, memory);
+            assert!((1..=150).contains(&often), "memory {memory}: {often} in 5 h at 30 an hour");
+            let seldom = alarms(1.0, 5.0, memory);
+            assert!(seldom <= 5 && seldom < often, "memory {memory}: {seldom} in 5 h at one an hour");
+        }
+        assert_eq!(alarms(FaultSettings::default().each_per_hour(), 5.0, 0.0), 0);
+    }
+
+    #[test]
+    fn a_departure_is_told_and_the_lawful_constant_is_not() {
+        let mut a = Averaged::new(Comparison { still: 0.1, constant: 0.5, sigma: 0.02, ..compared(1e-3).with });
+        let mut noise = Noise(3);
+        let mut fly = |a: &mut Averaged, from: i64, to: i64, constant: f64| {
+            for k in from..to {
+                a.see(Vector3::x() * constant + noise.vector(0.05), Stamp::from_millis(100 * k), 0.1);
+            }
+        };
+        fly(&mut a, 0, 600, 0.4);
+        assert!(!a.monitor.active());
+        fly(&mut a, 600, 630, 0.9);
+        assert!(a.monitor.active(), "{:?}", a.residual());
+        assert!((a.residual().value - 0.5).abs() < 0.1);
+        fly(&mut a, 630, 680, 0.4);
+        assert!(!a.monitor.active());
     }
 }

@@ -5,15 +5,20 @@ use super::height::Height;
 use super::inertial::Pair;
 use super::monitor::Monitor;
 use super::rotors::Rotors;
+use super::settings::FaultSettings;
 use super::speed::Speed;
 use super::weight::Weight;
-use crate::signal::{Measurement, Residual};
+use crate::signal::{Guarantee, Measurement, Residual, Stamp};
 use crate::vehicle::Vehicle;
 
 /// Judging begins this long after take-off and after every break of continuity, s.
 const QUIET_S: f64 = 3.0;
 /// An estimator that was led astray needs this long to find back, s.
 const AFTERMATH_S: f64 = 4.0;
+/// A fault's residual may be this much slower than a guaranteed one, s.
+const SLOWER_S: f64 = 0.5;
+/// Outputs that can contradict at the same time: those of one observer of the whole state.
+const CONTRADICTIONS: usize = 12;
 /// The most faults at a time.
 const MOST: usize = 8;
 
@@ -26,6 +31,9 @@ const MOST: usize = 8;
 #[derive(Debug, Clone)]
 pub struct FaultBank {
     vehicle: Vehicle,
+    settings: FaultSettings,
+    /// Outputs of observers that no admissible noise explained, and when last.
+    contradictions: [Option<(&'static str, Stamp)>; CONTRADICTIONS],
     pair: Pair,
     fixes: Fixes,
     height: Height,
@@ -41,9 +49,11 @@ pub struct FaultBank {
 }
 
 impl FaultBank {
-    pub fn new(vehicle: &Vehicle) -> Self {
-        let per_hour = 0.001;
+    pub fn new(vehicle: &Vehicle, settings: FaultSettings) -> Self {
+        let per_hour = settings.each_per_hour();
         Self {
+            settings,
+            contradictions: [None; CONTRADICTIONS],
             vehicle: vehicle.clone(),
             pair: Pair::new(vehicle, per_hour),
             fixes: Fixes::new(per_hour),
@@ -93,6 +103,22 @@ impl FaultBank {
         self.tell();
     }
 
+    /// Takes in a residual of an observer, before [`Self::step`]: counted when no admissible noise explains it.
+    pub fn contradicted(&mut self, residual: &Residual, stamp: Stamp) {
+        if residual.guarantee != Guarantee::Guaranteed || residual.ratio() <= 1.0 {
+            return;
+        }
+        let known = |c: &Option<(&str, Stamp)>| c.is_none_or(|(name, _)| name == residual.name);
+        if let Some(place) = self.contradictions.iter_mut().find(|c| known(c)) {
+            *place = Some((residual.name, stamp));
+        }
+    }
+
+    fn guarantee(&self, fault: Fault, onset: Stamp, otherwise: Guarantee) -> Guarantee {
+        let mut speaking = self.contradictions.iter().flatten().filter(|(name, _)| fault.shows_in(name));
+        if speaking.any(|(_, at)| *at - onset > -SLOWER_S) { Guarantee::Guaranteed } else { otherwise }
+    }
+
     /// Weight, while nothing else is wrong that would look like it.
     fn weigh(&mut self, m: &Measurement) {
         let sensors = [self.pair.told()[1].0, self.fixes.told()[0].0, self.fixes.told()[2].0, self.height.told().0];
@@ -118,28 +144,34 @@ impl FaultBank {
                 self.rotors.restart();
                 self.weight.restart();
             }
-            Some(First | Gap | Reboot) => *self = Self::new(&self.vehicle),
+            Some(First | Gap | Reboot) => *self = Self::new(&self.vehicle, self.settings),
         }
     }
 
-    /// The rotor at fault. Its speed names it beyond doubt; torque is quicker, and sees a broken blade.
-    fn rotor(&self) -> Option<(u8, &Monitor, Residual)> {
-        let by_speed = self.speed.told().map(|(i, monitor, residual)| (i as u8, monitor, residual));
+    /// The rotor at fault, and the bits of those that it may be instead. Its speed names it beyond doubt; torque is
+    /// quicker, and sees a broken blade.
+    fn rotor(&self) -> Option<(u8, u32, &Monitor, Residual)> {
+        let by_speed = self.speed.told().map(|(i, monitor, residual)| (i as u8, 0, monitor, residual));
         by_speed.or_else(|| self.rotors.told())
     }
 
     fn tell(&mut self) {
         let mut n = 0;
         let mut active = [None; MOST];
-        let mut add = |fault, monitor: &Monitor, residual: Residual| {
-            if let (Some(onset), Some(place)) = (monitor.onset(), active.get_mut(n)) {
-                *place = Some(Active { fault, onset, magnitude: residual.value });
+        let mut tell = |fault: Fault, or: u32, onset: Option<Stamp>, residual: Residual| {
+            if let (Some(onset), Some(place)) = (onset, active.get_mut(n)) {
+                let guarantee = self.guarantee(fault, onset, residual.guarantee);
+                *place = Some(Active { fault, or, onset, magnitude: residual.value, guarantee });
                 n += 1;
             }
         };
-        if let Some((i, monitor, residual)) = self.rotor() {
-            add(Fault::Rotor(i), monitor, residual);
+        if let Some((i, or, monitor, residual)) = self.rotor() {
+            tell(Fault::Rotor(i), or, monitor.onset(), residual);
         }
+        if let Some((onset, value)) = self.weight.told() {
+            tell(Fault::Payload, 0, Some(onset), Residual { value, ..self.weight.residual() });
+        }
+        let mut add = |fault, monitor: &Monitor, residual| tell(fault, 0, monitor.onset(), residual);
         if !self.rotors.lost() {
             let [gyro, accel] = self.pair.told();
             add(Fault::Gyro, gyro.0, gyro.1);
@@ -157,9 +189,6 @@ impl FaultBank {
             if !world.0.active() {
                 add(Fault::Magnetometer, stuck.0, stuck.1);
             }
-        }
-        if let (Some((onset, magnitude)), Some(place)) = (self.weight.told(), active.get_mut(n)) {
-            *place = Some(Active { fault: Fault::Payload, onset, magnitude });
         }
         self.active = active;
     }
@@ -182,6 +211,11 @@ impl FaultBank {
 
     /// One bit for each fault that is present, as in MAVOBSERVER_FAULT.
     pub fn bits(&self) -> u32 {
-        self.active().fold(0, |bits, a| bits | a.fault.bit())
+        self.active().filter(|a| a.or == 0).fold(0, |bits, a| bits | a.fault.bit())
+    }
+
+    /// One bit for each fault of which one is present, where the data cannot tell which.
+    pub fn candidates(&self) -> u32 {
+        self.active().filter(|a| a.or != 0).fold(0, |bits, a| bits | a.fault.bit() | a.or)
     }
 }

@@ -5,7 +5,7 @@ use nalgebra::Vector3;
 
 /// By so much the field may change from what it was, in size and direction, gauss: iron on the ground, the currents of
 /// the motors, and the error of the attitude by which it is turned.
-const LAWFUL_GAUSS: f64 = 0.05;
+const LAWFUL_GAUSS: f64 = 0.07;
 /// The field is smoothed over this time, s.
 const SPAN_S: f64 = 0.4;
 /// A healthy sensor that changed with every sample doesn't repeat itself so often...

@@ -20,7 +20,8 @@
 //! | `bank` | all together, and which of them explains which | |
 //!
 //! The levels are statistical: what is declared of the vehicle, and beside it what chance makes of the unrest that each
-//! residual shows.
+//! residual shows, at a rate of false alarms that is set. Where an observer's guaranteed residual contradicts the data at
+//! the same time, the fault is told as guaranteed.
 //! Imports `signal`, `vehicle` and nothing else.
 
 mod averaged;
@@ -33,6 +34,7 @@ mod inertial;
 mod level;
 mod monitor;
 mod rotors;
+mod settings;
 mod speed;
 mod weight;
 
@@ -41,3 +43,4 @@ mod tests;
 
 pub use bank::FaultBank;
 pub use fault::{Active, Fault};
+pub use settings::FaultSettings;

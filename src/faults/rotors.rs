@@ -9,6 +9,10 @@ const OFF: f64 = 0.4;
 /// Share of thrust whose loss is told, by the slow and by the quick test.
 const SLOW_LOSS: f64 = 0.08;
 const QUICK_LOSS: f64 = 0.5;
+/// Rotors whose torques about roll and pitch differ by less than this share are one above the other.
+const TWIN: f64 = 0.1;
+/// Yaw torque within this share of the difference of two twins tells which it is.
+const YAW_TELLS: f64 = 0.3;
 /// A vehicle that turns slower than this is under control, rad/s.
 const CONTROLLED_RADS: f64 = 1.0;
 
@@ -53,6 +57,8 @@ pub(super) struct Rotors {
     damping: Vector3<f64>,
     /// Torque about roll and pitch for each newton that a rotor lacks.
     lacking: [Vector2<f64>; MAX_ROTORS],
+    /// The same about yaw, N m per N.
+    yaw_lacking: [f64; MAX_ROTORS],
     count: usize,
     hover_n: f64,
     thrust: ThrustCurve,
@@ -70,14 +76,18 @@ pub(super) struct Rotors {
 impl Rotors {
     pub fn new(vehicle: &Vehicle) -> Self {
         let mut lacking = [Vector2::zeros(); MAX_ROTORS];
-        for (l, rotor) in lacking.iter_mut().zip(&vehicle.rotors) {
-            *l = -rotor.position_frd_m.cross(&rotor.axis_frd).xy();
+        let mut yaw_lacking = [0.0; MAX_ROTORS];
+        for ((l, yaw), rotor) in lacking.iter_mut().zip(&mut yaw_lacking).zip(&vehicle.rotors) {
+            let reaction = rotor.axis_frd * (rotor.spin.reaction_sign() * rotor.torque_ratio_m);
+            let torque = reaction - rotor.position_frd_m.cross(&rotor.axis_frd);
+            (*l, *yaw) = (torque.xy(), torque.z);
         }
         let count = vehicle.rotors.len().min(MAX_ROTORS);
         Self {
             inertia: vehicle.inertia_kgm2,
             damping: Vector3::from(vehicle.drag.angular),
             lacking,
+            yaw_lacking,
             count,
             hover_n: vehicle.mass_kg.nominal * GRAVITY_MPS2 / count.max(1) as f64,
             thrust: vehicle.thrust,
@@ -112,8 +122,11 @@ impl Rotors {
         }
         if let Some(i) = (0..self.count).find(|i| self.quick_monitors[*i].active()) {
             // what turns over has torques of every direction: only calm ends this, and nothing else is read from it
-            let calm = rate.norm() < CONTROLLED_RADS
-                && quick.norm() < 0.3 * QUICK_LOSS * self.hover_n * self.lacking[i].norm();
+            let controlled = rate.norm() < CONTROLLED_RADS;
+            let calm = controlled && quick.norm() < 0.3 * QUICK_LOSS * self.hover_n * self.lacking[i].norm();
+            if controlled {
+                self.loss[i] = slow.dot(&self.lacking[i]) / self.lacking[i].norm_squared() / self.hover_n;
+            }
             self.quick_monitors[i].see(if calm { 0.0 } else { 2.0 }, m.stamp, m.dt_s);
             if !self.quick_monitors[i].active() {
                 self.restart();
@@ -164,17 +177,35 @@ impl Rotors {
         if self.slow.since_s > 0.0 && worst > 0.5 * SLOW_LOSS { worst * self.hover_n } else { 0.0 }
     }
 
-    /// The rotor that is at fault, if one is, with the monitor that says so.
-    pub fn told(&self) -> Option<(u8, &Monitor, Residual)> {
+    /// The rotor that is at fault, if one is, the bits of those that explain the torque as well, and the monitor that
+    /// says so.
+    pub fn told(&self) -> Option<(u8, u32, &Monitor, Residual)> {
         let active = |i: &usize| self.quick_monitors[*i].active() || self.monitors[*i].active();
-        let i = (0..self.count).filter(active).max_by(|a, b| self.loss[*a].total_cmp(&self.loss[*b]))?;
+        let best = (0..self.count).filter(active).max_by(|a, b| self.loss[*a].total_cmp(&self.loss[*b]))?;
+        let (i, or) = self.likeliest(best);
         let quick = self.quick_monitors[i].active();
         let (monitor, admissible) =
             if quick { (&self.quick_monitors[i], QUICK_LOSS) } else { (&self.monitors[i], SLOW_LOSS) };
         let guarantee = Guarantee::Statistical(0.999);
         // of what is asked of it now, which a controller has raised
         let value = (self.loss[i] * self.hover_n / self.asked_n[i].max(0.3 * self.hover_n)).min(1.0);
-        Some((i as u8, monitor, Residual { name: "rotor_loss", value, admissible, guarantee }))
+        Some((i as u8, or, monitor, Residual { name: "rotor_loss", value, admissible, guarantee }))
+    }
+
+    /// Rotors one above the other leave the same torque about roll and pitch. They turn against each other, so the yaw
+    /// torque tells which it is, where it comes near to that of one of them; the bits are of those that remain.
+    fn likeliest(&self, best: usize) -> (usize, u32) {
+        let twin =
+            |j: &usize| *j != best && (self.lacking[*j] - self.lacking[best]).norm() < TWIN * self.lacking[best].norm();
+        let Some(other) = (0..self.count).find(twin) else { return (best, 0) };
+        let lost_n = (self.slow.residual.xy() - self.load_nm).norm() / self.lacking[best].norm();
+        let off = |j: usize| (self.slow.residual.z - lost_n * self.yaw_lacking[j]).abs();
+        let apart = lost_n * (self.yaw_lacking[best] - self.yaw_lacking[other]).abs();
+        match () {
+            () if off(best) < YAW_TELLS * apart => (best, 0),
+            () if off(other) < YAW_TELLS * apart => (other, 0),
+            () => (best, 1 << other),
+        }
     }
 
     /// The loss of every rotor that the slow torque would be, each taken for the only one.

@@ -1,9 +1,9 @@
-use super::{Fault, FaultBank};
+use super::{Fault, FaultBank, FaultSettings};
 use crate::signal::{
-    Actuation, Aged, Barometer, FixType, GnssFix, Held, Imu, MAX_ROTORS, MagField, MagSource, Measurement,
-    RotorCommands, Stamp,
+    Actuation, Aged, Barometer, FixType, GnssFix, Guarantee, Held, Imu, MAX_ROTORS, MagField, MagSource, Measurement,
+    Residual, RotorCommands, Stamp,
 };
-use crate::vehicle::{GRAVITY_MPS2, Vehicle, resolve};
+use crate::vehicle::{GRAVITY_MPS2, Spin, Vehicle, resolve};
 use nalgebra::{UnitQuaternion, Vector3};
 
 /// A copter that hovers, with every sensor, 50 Hz; a fix in five steps.
@@ -15,8 +15,11 @@ struct Hover {
 
 impl Hover {
     fn new() -> Self {
-        let vehicle = resolve("arducopter-sitl").unwrap();
-        Self { bank: FaultBank::new(&vehicle), vehicle, step: 0 }
+        Self::of(resolve("arducopter-sitl").unwrap())
+    }
+
+    fn of(vehicle: Vehicle) -> Self {
+        Self { bank: FaultBank::new(&vehicle, FaultSettings::default()), vehicle, step: 0 }
     }
 
     fn measurement(&self) -> Measurement {
@@ -149,6 +152,61 @@ fn each_weak_rotor_is_named_with_its_loss() {
         h.fly(6.0, |_| {});
         assert_eq!(h.told(), []);
     }
+}
+
+/// Two rotors on each arm, one above the other, that turn against each other.
+fn coaxial() -> Vehicle {
+    let mut vehicle = resolve("arducopter-sitl").unwrap();
+    let lower: Vec<_> = vehicle.rotors.iter().map(|r| crate::vehicle::Rotor { spin: other(r.spin), ..*r }).collect();
+    vehicle.rotors.extend(lower);
+    vehicle
+}
+
+fn other(spin: Spin) -> Spin {
+    if spin == Spin::Ccw { Spin::Cw } else { Spin::Ccw }
+}
+
+#[test]
+fn of_two_rotors_on_one_arm_yaw_tells_which_or_both_are_named() {
+    let loss = |yaw_share: f64| {
+        let mut h = Hover::of(coaxial());
+        h.fly(10.0, |_| {});
+        let r = h.vehicle.rotors[5];
+        let lost_n = 0.6 * h.vehicle.mass_kg.nominal * GRAVITY_MPS2 / 8.0;
+        let lacking = r.axis_frd * lost_n;
+        let reaction = -lacking * (r.spin.reaction_sign() * r.torque_ratio_m * yaw_share);
+        h.fly(4.0, move |m| {
+            let a = &mut m.actuation.as_mut().unwrap().value;
+            a.torque_frd_nm += r.position_frd_m.cross(&lacking) + reaction;
+            a.force_frd_n += lacking;
+        });
+        let told = *h.bank.active().next().unwrap();
+        (told, h.bank.bits(), h.bank.candidates())
+    };
+    let (told, bits, candidates) = loss(1.0);
+    assert_eq!((told.fault, told.or, bits, candidates), (Fault::Rotor(5), 0, 1 << 5, 0));
+    // what the yaw torque of both could be is told of both
+    let (told, bits, candidates) = loss(0.0);
+    assert_eq!((bits, candidates), (0, 1 << 1 | 1 << 5), "{told:?}");
+}
+
+#[test]
+fn what_no_admissible_noise_explains_is_guaranteed() {
+    let level = |name: &'static str, value: f64| {
+        let mut h = Hover::new();
+        h.fly(10.0, |_| {});
+        let residual = Residual { name, value, admissible: 0.1, guarantee: Guarantee::Guaranteed };
+        for _ in 0..150 {
+            let stamp = Stamp::from_millis(20 * i64::from(h.step));
+            h.bank.contradicted(&residual, stamp);
+            h.fly(0.0201, |m| m.imu.rate_frd_rads.y += 0.05);
+        }
+        h.bank.active().next().unwrap().guarantee
+    };
+    assert_eq!(level("rate_y", 0.2), Guarantee::Guaranteed);
+    // within its bound, and of what a gyroscope does not move
+    assert!(matches!(level("rate_y", 0.05), Guarantee::Statistical(p) if p > 0.999));
+    assert!(matches!(level("position_d", 0.2), Guarantee::Statistical(_)));
 }
 
 #[test]

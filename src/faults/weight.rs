@@ -13,7 +13,7 @@ const MEAN_S: f64 = 8.0;
 const LEARN_S: f64 = 40.0;
 const GUST_MPS: f64 = 0.3;
 const CLIP: f64 = 3.0;
-const GUSTS: f64 = 4.5;
+const GUSTS: f64 = 6.0;
 /// What has sunk at this speed, m/s, within this time, s, may have met the ground: that is no load put down.
 const SINKING_MPS: f64 = 0.3;
 const SUNK_S: f64 = 3.0;
@@ -74,7 +74,7 @@ impl Weight {
             sunk_s: SUNK_S,
             carried_kg: 0.0,
             change: None,
-            monitor: Monitor::new(0.25, 0.3),
+            monitor: Monitor::new(0.3, 0.3),
         }
     }
 

@@ -6,7 +6,7 @@ use crate::pipeline::{Snapshot, WindEstimate};
 use crate::signal::{Guarantee, Stamp};
 use crate::wire::dialect::ardupilotmega::{
     DEBUG_FLOAT_ARRAY_DATA, DEBUG_VECT_DATA, HEARTBEAT_DATA, MavAutopilot, MavModeFlag, MavState, MavType,
-    NAMED_VALUE_FLOAT_DATA, WIND_COV_DATA,
+    NAMED_VALUE_FLOAT_DATA, NAMED_VALUE_INT_DATA, WIND_COV_DATA,
 };
 use nalgebra::Vector3;
 
@@ -166,6 +166,16 @@ pub(super) fn named_value(scalar: &Scalar, snapshot: &Snapshot<'_>) -> Option<NA
         value: known((scalar.value)(snapshot)?),
         name: char_array(scalar.name),
     })
+}
+
+/// The faults that are present, one bit each as in MAVOBSERVER_FAULT, for ground stations that know no FAULT_STATUS.
+pub(super) fn fault_mask(snapshot: &Snapshot<'_>) -> NAMED_VALUE_INT_DATA {
+    NAMED_VALUE_INT_DATA {
+        time_boot_ms: (boot_us(snapshot.stamp) / 1_000) as u32,
+        // 22 bits
+        value: snapshot.faults.0.cast_signed(),
+        name: char_array("Faults"),
+    }
 }
 
 /// Wind as WIND_COV. Its accuracies are standard deviations: a bound gives that of the uniform distribution over it.

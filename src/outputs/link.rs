@@ -1,4 +1,4 @@
-use super::common::{SCALARS, bound_arrays, debug_vect, heartbeat, named_value, wind_cov, wrench_array};
+use super::common::{SCALARS, bound_arrays, debug_vect, fault_mask, heartbeat, named_value, wind_cov, wrench_array};
 use super::limiter::Limiter;
 use super::own::{ObserverCounts, fault_status, observer_status, state_bounds, wind_estimate, wrench_estimate};
 use super::text::status_text;
@@ -111,11 +111,13 @@ impl LinkOutputs {
                 numbering.send(system, &message, send);
             }
         }
-        if vehicle.faults.changed(snapshot.faults, stamp) {
+        let faults = FaultsSent::of(snapshot);
+        if std::mem::replace(&mut vehicle.faults, faults) != faults {
             due.fault_status.hasten();
         }
         if due.fault_status.pass(now) {
-            numbering.send(system, &fault_status(snapshot.faults, vehicle.faults.onset, stamp), send);
+            numbering.send(system, &fault_status(snapshot), send);
+            numbering.send(system, &fault_mask(snapshot), send);
         }
         vehicle.tallies.resize(snapshot.observers.len(), Tally::default());
         for (report, tally) in snapshot.observers.iter().zip(&mut vehicle.tallies) {
@@ -170,7 +172,7 @@ struct VehicleOutputs {
     heartbeat: Limiter,
     limiters: Limiters,
     next_scalar: usize,
-    faults: FaultMemory,
+    faults: FaultsSent,
     tallies: Vec<Tally>,
 }
 
@@ -181,7 +183,7 @@ impl VehicleOutputs {
             heartbeat: Limiter::new(settings.heartbeat),
             limiters: Limiters::new(&settings.rates),
             next_scalar: 0,
-            faults: FaultMemory::default(),
+            faults: FaultsSent::default(),
             tallies: Vec::new(),
         }
     }
@@ -218,25 +220,21 @@ impl Limiters {
     }
 }
 
-/// The faults last sent, and when the newest of those still present appeared.
-#[derive(Debug, Clone, Copy, Default)]
-struct FaultMemory {
-    faults: FaultMask,
+/// The faults last sent: a change of any of these is sent at once.
+#[derive(Debug, Clone, Copy, Default, PartialEq)]
+struct FaultsSent {
+    active: FaultMask,
+    candidates: FaultMask,
     onset: Option<Stamp>,
 }
 
-impl FaultMemory {
-    /// Takes in the faults of now; true if they differ from those of before.
-    fn changed(&mut self, now: FaultMask, stamp: Stamp) -> bool {
-        let appeared = now.0 & !self.faults.0 != 0;
-        let changed = now != self.faults;
-        if now.0 == 0 {
-            self.onset = None;
-        } else if appeared {
-            self.onset = Some(stamp);
+impl FaultsSent {
+    fn of(snapshot: &Snapshot<'_>) -> Self {
+        Self {
+            active: snapshot.faults,
+            candidates: snapshot.fault_candidates,
+            onset: snapshot.newest_fault.map(|f| f.onset),
         }
-        self.faults = now;
-        changed
     }
 }
 

@@ -11,6 +11,7 @@
 //! | DEBUG_FLOAT_ARRAY 1 | `WRENCH` | \[0..2\] force, \[3..5\] torque, \[6..11\] their half-widths, \[12..14\] wind, \[15..17\] its half-width, \[18\] 1 if guaranteed, \[19\] fault mask | N NED, N m FRD, m/s NED towards |
 //! | DEBUG_FLOAT_ARRAY 2, 3 | `BOUND_LO`, `BOUND_HI` | ends of every observer's signals, in registry order, at most 58 | SI |
 //! | NAMED_VALUE_FLOAT | see [`SCALARS`] | one name at a time, in turn | see there |
+//! | NAMED_VALUE_INT | `Faults` | fault mask, with every FAULT_STATUS | |
 //! | WIND_COV (only if asked for) | | wind, and half-width/√3 as its deviation | m/s NED towards |
 //! | STATUSTEXT | | start, state changes | 50 characters a chunk |
 //! | WRENCH_ESTIMATE, WIND_ESTIMATE, STATE_BOUNDS, FAULT_STATUS, OBSERVER_STATUS | | everything | `dialects/mavobserver.xml` |

@@ -3,7 +3,7 @@
 use super::common::boot_us;
 use super::rounding::{down, half_widths, up};
 use super::text::char_array;
-use crate::pipeline::{FaultMask, ObserverReport, WindEstimate, WrenchEstimate};
+use crate::pipeline::{ObserverReport, Snapshot, WindEstimate, WrenchEstimate};
 use crate::signal::{Guarantee, Stamp, Verdict};
 use crate::wire::dialect::mavobserver::{
     FAULT_STATUS_DATA, MavobserverFault, MavobserverFaultLevel, MavobserverGuarantee, MavobserverVerdict,
@@ -90,18 +90,19 @@ pub(super) fn state_bounds(report: &ObserverReport<'_>, stamp: Stamp, mut send: 
     }
 }
 
-pub(super) fn fault_status(faults: FaultMask, onset: Option<Stamp>, stamp: Stamp) -> FAULT_STATUS_DATA {
-    let active = MavobserverFault::from_bits_truncate(faults.0);
+pub(super) fn fault_status(snapshot: &Snapshot<'_>) -> FAULT_STATUS_DATA {
+    let active = MavobserverFault::from_bits_truncate(snapshot.faults.0);
+    let candidates = MavobserverFault::from_bits_truncate(snapshot.fault_candidates.0);
     FAULT_STATUS_DATA {
-        time_boot_us: boot_us(stamp),
-        onset_boot_us: onset.map_or(0, boot_us),
+        time_boot_us: boot_us(snapshot.stamp),
+        onset_boot_us: snapshot.newest_fault.map_or(0, |f| boot_us(f.onset)),
         active,
-        candidates: active,
-        magnitude: f32::NAN,
-        level: if active.is_empty() {
-            MavobserverFaultLevel::MAVOBSERVER_FAULT_LEVEL_NONE
-        } else {
-            MavobserverFaultLevel::MAVOBSERVER_FAULT_LEVEL_ISOLATED
+        candidates,
+        magnitude: snapshot.newest_fault.map_or(f32::NAN, |f| f.magnitude as f32),
+        level: match () {
+            () if !candidates.is_empty() => MavobserverFaultLevel::MAVOBSERVER_FAULT_LEVEL_DETECTED,
+            () if !active.is_empty() => MavobserverFaultLevel::MAVOBSERVER_FAULT_LEVEL_ISOLATED,
+            () => MavobserverFaultLevel::MAVOBSERVER_FAULT_LEVEL_NONE,
         },
     }
 }

@@ -1,6 +1,6 @@
 use super::slot::{Clock, Slot, joint};
-use super::snapshot::{FaultMask, ObserverReport, Snapshot, VehicleId, WindEstimate, WrenchEstimate};
-use crate::faults::FaultBank;
+use super::snapshot::{FaultDetail, FaultMask, ObserverReport, Snapshot, VehicleId, WindEstimate, WrenchEstimate};
+use crate::faults::{FaultBank, FaultSettings};
 use crate::signal::{Channel, Guarantee, Measurement, Verdict};
 use crate::telemetry::{Aligner, Decoded, Decoder};
 use crate::vehicle::{SEA_LEVEL_KGM3, Vehicle};
@@ -26,12 +26,18 @@ pub struct Chain {
 }
 
 impl Chain {
-    pub(super) fn new(id: VehicleId, vehicle: Arc<Vehicle>, slots: Vec<Slot>, clock: Option<Clock>) -> Self {
+    pub(super) fn new(
+        id: VehicleId,
+        vehicle: Arc<Vehicle>,
+        slots: Vec<Slot>,
+        faults: FaultSettings,
+        clock: Option<Clock>,
+    ) -> Self {
         Self {
             id,
             decoder: Decoder::new(vehicle.actuators.source),
             aligner: Aligner::new(Arc::clone(&vehicle)),
-            faults: FaultBank::new(&vehicle),
+            faults: FaultBank::new(&vehicle, faults),
             vehicle,
             slots,
             wind: WindObserver::default(),
@@ -90,6 +96,9 @@ impl Chain {
         for slot in &mut self.slots {
             slot.step(m, &self.aligner, self.clock);
         }
+        for residual in self.slots.iter().flat_map(|slot| slot.observer.residuals()) {
+            self.faults.contradicted(residual, m.stamp);
+        }
         self.faults.step(m);
         let mut wrench = self.slots.iter().find_map(Slot::wrench);
         // a sensor or rotor that is found at fault is one of those that the bound rests on
@@ -104,10 +113,18 @@ impl Chain {
             wrench,
             wind,
             faults: FaultMask(self.faults.bits()),
+            fault_candidates: FaultMask(self.faults.candidates()),
+            newest_fault: self.newest_fault(),
             verdict: joint(self.slots.iter().map(|s| s.observer.estimate().verdict)),
             observers: Reports(&self.slots),
         };
         sink(self, &snapshot, m);
+    }
+
+    fn newest_fault(&self) -> Option<FaultDetail> {
+        let newest = self.faults.active().max_by_key(|a| a.onset)?;
+        let mask = FaultMask(newest.fault.bit() | newest.or);
+        Some(FaultDetail { mask, onset: newest.onset, magnitude: newest.magnitude, guarantee: newest.guarantee })
     }
 
     fn wind(&mut self, m: &Measurement, wrench: Option<&WrenchEstimate>) -> Option<WindEstimate> {

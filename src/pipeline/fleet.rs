@@ -2,6 +2,7 @@ use super::chain::Chain;
 use super::notices::Notices;
 use super::slot::{Clock, Slot};
 use super::snapshot::{Snapshot, VehicleId};
+use crate::faults::FaultSettings;
 use crate::observers::{self, BuildError, Options};
 use crate::signal::Measurement;
 use crate::vehicle::Vehicle;
@@ -43,12 +44,18 @@ pub struct FleetSettings {
     /// Models by MAVLink system id.
     pub by_system: BTreeMap<u8, Arc<Vehicle>>,
     pub observers: Vec<ObserverSetting>,
+    pub faults: FaultSettings,
 }
 
 impl FleetSettings {
     /// The standard observers with their defaults, for one vehicle model.
     pub fn standard(vehicle: Arc<Vehicle>) -> Self {
-        Self { vehicle, by_system: BTreeMap::new(), observers: ObserverSetting::standard() }
+        Self {
+            vehicle,
+            by_system: BTreeMap::new(),
+            observers: ObserverSetting::standard(),
+            faults: FaultSettings::default(),
+        }
     }
 }
 
@@ -110,7 +117,7 @@ impl Fleet {
     /// # Errors
     /// [`BuildError`] for unknown observers or options, and for designs that do not exist.
     pub fn new(settings: FleetSettings) -> Result<Self, BuildError> {
-        let model = |vehicle: &Arc<Vehicle>| Model::new(vehicle, &settings.observers);
+        let model = |vehicle: &Arc<Vehicle>| Model::new(vehicle, &settings.observers, settings.faults);
         let by_system = settings.by_system.iter().map(|(id, vehicle)| Ok((*id, model(vehicle)?)));
         Ok(Self {
             standard: model(&settings.vehicle)?,
@@ -179,11 +186,12 @@ struct Model {
     vehicle: Arc<Vehicle>,
     /// In the order of their ids.
     slots: Vec<Slot>,
+    faults: FaultSettings,
     left_out: Vec<String>,
 }
 
 impl Model {
-    fn new(vehicle: &Arc<Vehicle>, observers: &[ObserverSetting]) -> Result<Self, BuildError> {
+    fn new(vehicle: &Arc<Vehicle>, observers: &[ObserverSetting], faults: FaultSettings) -> Result<Self, BuildError> {
         let (mut slots, mut left_out) = (Vec::new(), Vec::new());
         for o in observers {
             match observers::build(&o.name, vehicle, o.options.clone()) {
@@ -195,11 +203,11 @@ impl Model {
             }
         }
         slots.sort_by_key(|s| s.registration.id);
-        Ok(Self { vehicle: Arc::clone(vehicle), slots, left_out })
+        Ok(Self { vehicle: Arc::clone(vehicle), slots, faults, left_out })
     }
 
     /// A chain for one vehicle of this model.
     fn chain(&self, id: VehicleId, clock: Option<Clock>) -> Chain {
-        Chain::new(id, Arc::clone(&self.vehicle), self.slots.iter().map(Slot::fresh).collect(), clock)
+        Chain::new(id, Arc::clone(&self.vehicle), self.slots.iter().map(Slot::fresh).collect(), self.faults, clock)
     }
 }

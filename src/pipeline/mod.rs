@@ -14,4 +14,4 @@ mod snapshot;
 pub use chain::{Chain, Reports};
 pub use fleet::{Event, Fleet, FleetSettings, ObserverSetting, Severity, VehicleKind};
 pub use slot::Clock;
-pub use snapshot::{FaultMask, ObserverReport, Snapshot, VehicleId, WindEstimate, WrenchEstimate};
+pub use snapshot::{FaultDetail, FaultMask, ObserverReport, Snapshot, VehicleId, WindEstimate, WrenchEstimate};

@@ -1,8 +1,8 @@
 use super::chain::Chain;
 use super::fleet::Severity;
 use super::slot::Slot;
-use super::snapshot::{FaultMask, Snapshot};
-use crate::signal::{Discontinuity, Measurement, Stamp, Verdict};
+use super::snapshot::{FaultDetail, FaultMask, Snapshot};
+use crate::signal::{Discontinuity, Guarantee, Measurement, Stamp, Verdict};
 
 /// A state must hold this long before it is told, so that a link's hiccups don't chatter, s.
 const SETTLE_S: f64 = 1.0;
@@ -19,6 +19,8 @@ pub(super) struct Notices {
     /// One for each observer.
     each: Vec<Told>,
     faults: FaultMask,
+    candidates: FaultMask,
+    newest: Option<FaultDetail>,
 }
 
 /// What was told of one observer.
@@ -59,7 +61,7 @@ impl Notices {
                 told.starved(chain, slot, t, sink);
             }
         }
-        self.faults(chain, snapshot.faults, sink);
+        self.faults(chain, snapshot, sink);
         // a broken assumption passes; it is no state to announce
         let state = match snapshot.verdict {
             Verdict::AssumptionViolated | Verdict::Settling | Verdict::Consistent => Verdict::Consistent,
@@ -79,19 +81,30 @@ impl Notices {
         }
     }
 
-    /// Each fault when it appears and when it clears.
-    fn faults(&mut self, chain: &Chain, now: FaultMask, sink: &mut dyn FnMut(Severity, &str)) {
+    /// Each fault when it appears, when it happens again while it lasts (a load put down), and when it clears.
+    fn faults(&mut self, chain: &Chain, snapshot: &Snapshot<'_>, sink: &mut dyn FnMut(Severity, &str)) {
+        let (now, newest) = (snapshot.faults, snapshot.newest_fault);
         let before = std::mem::replace(&mut self.faults, now);
-        if before == now {
-            return;
+        let earlier = std::mem::replace(&mut self.newest, newest);
+        let mut risen = now.0 & !before.0;
+        if let (Some(n), Some(e)) = (newest, earlier)
+            && n.mask == e.mask
+            && n.onset > e.onset
+        {
+            risen |= n.mask.0 & now.0;
         }
-        for name in FaultMask(now.0 & !before.0).names() {
-            let size = chain.faults().active().find(|a| FaultMask(a.fault.bit()).names().eq([name]));
-            let size = size.map(|a| format!(" ({:.2})", a.magnitude)).unwrap_or_default();
-            sink(Severity::Warning, &format!("fault: {name}{size}"));
+        for fault in chain.faults().active().filter(|a| risen & a.fault.bit() != 0 && a.or == 0) {
+            for name in FaultMask(fault.fault.bit()).names() {
+                let sure = if fault.guarantee == Guarantee::Guaranteed { ", guaranteed" } else { "" };
+                sink(Severity::Warning, &format!("fault: {name} ({:.2}){sure}", fault.magnitude));
+            }
         }
         for name in FaultMask(before.0 & !now.0).names() {
             sink(Severity::Notice, &format!("fault cleared: {name}"));
+        }
+        let before = std::mem::replace(&mut self.candidates, snapshot.fault_candidates);
+        if before != self.candidates && self.candidates.0 != 0 {
+            sink(Severity::Warning, &format!("fault: {}", self.candidates.one_of()));
         }
     }
 

@@ -71,10 +71,27 @@ impl FaultMask {
         "link",
     ];
 
+    /// `rotor_2|rotor_6`: one of these.
+    pub fn one_of(self) -> String {
+        self.names().collect::<Vec<_>>().join("|")
+    }
+
     /// The names of the active faults.
     pub fn names(self) -> impl Iterator<Item = &'static str> {
         Self::NAMES.iter().enumerate().filter(move |(i, _)| self.0 >> i & 1 != 0).map(|(_, n)| *n)
     }
+}
+
+/// The fault of a snapshot that began last.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct FaultDetail {
+    /// Its bit; several where it is one of them.
+    pub mask: FaultMask,
+    pub onset: Stamp,
+    /// Lost share of thrust for a rotor, kg for a payload (negative for one put down), the sensor's unit for a sensor.
+    pub magnitude: f64,
+    /// That there is one.
+    pub guarantee: Guarantee,
 }
 
 /// What one observer says about itself in a snapshot.
@@ -105,6 +122,9 @@ pub struct Snapshot<'a> {
     pub wrench: Option<WrenchEstimate>,
     pub wind: Option<WindEstimate>,
     pub faults: FaultMask,
+    /// Faults of which at least one is present, where the data cannot tell which.
+    pub fault_candidates: FaultMask,
+    pub newest_fault: Option<FaultDetail>,
     /// Of all observers together: grounded where one is; else the worst of those that answer; starved when none does.
     pub verdict: Verdict,
     /// What each observer says; see [`Reports::iter`].

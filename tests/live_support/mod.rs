@@ -5,7 +5,7 @@ use mavobserver::config::{Link, LinkUrl};
 use mavobserver::daemon::{Control, Daemon, Estimator, LinkId, Settings, Summary};
 use mavobserver::outputs::{OutputSettings, Rate, Rates};
 use mavobserver::pipeline::{
-    Event, FaultMask, Reports, Snapshot, VehicleId, VehicleKind, WindEstimate, WrenchEstimate,
+    Event, FaultDetail, FaultMask, Reports, Snapshot, VehicleId, VehicleKind, WindEstimate, WrenchEstimate,
 };
 use mavobserver::signal::{Guarantee, Imu, Measurement, Stamp, Verdict};
 use mavobserver::wire::dialect::ardupilotmega::{
@@ -190,6 +190,13 @@ impl Echo {
                 verdict: Verdict::Consistent,
             }),
             faults: FaultMask(0b101),
+            fault_candidates: FaultMask(0),
+            newest_fault: Some(FaultDetail {
+                mask: FaultMask(0b100),
+                onset: Stamp::from_millis(1_000),
+                magnitude: 0.25,
+                guarantee: Guarantee::Statistical(0.999),
+            }),
             verdict: Verdict::Consistent,
             observers: Reports::default(),
         }

@@ -8,7 +8,6 @@ use crate::vehicle::{self, Vehicle};
 use crate::wire;
 use crate::wire::tlog::TlogReader;
 use nalgebra::{UnitQuaternion, Vector3};
-use std::collections::BTreeMap;
 use std::path::Path;
 use std::sync::Arc;
 
@@ -67,7 +66,7 @@ fn csv(path: &Path) -> Result<Vec<Point>, Failure> {
 /// The longest unbroken piece of a flight, in the air.
 fn flight(path: &Path, vehicle: &Arc<Vehicle>) -> Result<Vec<Point>, Failure> {
     let failed = |e: &dyn std::fmt::Display| Failure::Failed(format!("{}: {e}", path.display()));
-    let settings = FleetSettings { vehicle: Arc::clone(vehicle), by_system: BTreeMap::new(), observers: Vec::new() };
+    let settings = FleetSettings { observers: Vec::new(), ..FleetSettings::standard(Arc::clone(vehicle)) };
     let mut fleet = Fleet::new(settings).map_err(|e| failed(&e))?;
     let mut reader = TlogReader::open(path).map_err(|e| failed(&e))?;
     let (mut piece, mut longest) = (Piece::default(), Vec::new());

@@ -318,11 +318,11 @@ mod tests {
         trial.detection.healthy_s = 1800.0;
         trial.detection.false_alarms.insert("gyro", 2);
         let told = Told { happened: 2, delays_s: vec![0.25], ..Told::default() };
-        trial.detection.faults.insert("rotor_1".to_owned(), told);
+        trial.detection.faults.insert("rotor_lost", told);
         let report =
             Report::new(&vec![("a".to_owned(), Outcome { trial, failure: Some("no <design>".to_owned()) })], 3);
         let page = report.html().unwrap();
-        assert!(page.contains("not &lt;α &amp; β&gt;") && page.contains("rotor_1") && page.contains("50.0 %"));
+        assert!(page.contains("not &lt;α &amp; β&gt;") && page.contains("rotor_lost") && page.contains("50.0 %"));
         assert_eq!(report.failures(), ["no <design>"]);
         let json: serde_json::Value = serde_json::from_str(&report.json()).unwrap();
         assert_eq!(json["scenarios"][0]["false_alarms_per_h"], 4.0);

@@ -30,7 +30,7 @@ impl EstimatesCsv {
         bounded(out, s.wrench.map(|w| (w.force_ned_n, w.force_half_width_n)))?;
         bounded(out, s.wrench.map(|w| (w.torque_frd_nm, w.torque_half_width_nm)))?;
         write!(out, ",{:?},", s.verdict)?;
-        faults(out, s.faults)?;
+        faults(out, s.faults, s.fault_candidates)?;
         writeln!(out)
     }
 
@@ -53,9 +53,13 @@ fn bounded(out: &mut impl Write, estimate: Option<(Vector3<f64>, Vector3<f64>)>)
     Ok(())
 }
 
-fn faults(out: &mut impl Write, mask: FaultMask) -> io::Result<()> {
+/// `gyro;rotor_2|rotor_6`: these are present, of the last one or the other.
+fn faults(out: &mut impl Write, mask: FaultMask, candidates: FaultMask) -> io::Result<()> {
     for (i, name) in mask.names().enumerate() {
         write!(out, "{}{name}", if i > 0 { ";" } else { "" })?;
+    }
+    if candidates.0 != 0 {
+        write!(out, "{}{}", if mask.0 != 0 { ";" } else { "" }, candidates.one_of())?;
     }
     Ok(())
 }

@@ -164,6 +164,7 @@ fn fleet(config: &Config) -> Result<FleetSettings, Failure> {
         vehicle: Arc::new(model),
         by_system: config.vehicles.by_system.clone(),
         observers: config.observers.clone(),
+        faults: config.faults,
     })
 }
 
