@@ -249,7 +249,7 @@ mod tests {
         assert!((d.faults["rotor_lost"].delay_s(0.5).unwrap() - 0.3).abs() < 0.03);
         let late =
             flight(&[fault("baro_bias", "baro", 30.0, f64::INFINITY)], &[(30.1, &["baro"]), (33.0, &["baro", "mag"])]);
-        assert_eq!((late.faults["baro"].misnamed, late.wrong["mag"]), (0, 1));
+        assert_eq!((late.faults["baro_bias"].misnamed, late.wrong["mag"]), (0, 1));
     }
 
     #[test]

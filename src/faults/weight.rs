@@ -6,6 +6,8 @@ use crate::vehicle::{Flying, GRAVITY_MPS2, Vehicle};
 const MOST_DROPPED: f64 = 0.3;
 /// Smoothing of force and acceleration, s.
 const SMOOTH_S: f64 = 0.25;
+/// The size that it begins with counts as much as this time, s.
+const BEGIN_S: f64 = 5.0;
 /// The vertical wind that would explain what departs from the mean of this time, s, is learnt at this pace, s, while
 /// nothing changes. It begins at this size, m/s, one departure counts as at most so many standard deviations, and so
 /// many are lawful.
@@ -13,7 +15,7 @@ const MEAN_S: f64 = 8.0;
 const LEARN_S: f64 = 40.0;
 const GUST_MPS: f64 = 0.3;
 const CLIP: f64 = 3.0;
-const GUSTS: f64 = 6.0;
+const GUSTS: f64 = 4.5;
 /// What has sunk at this speed, m/s, within this time, s, may have met the ground: that is no load put down.
 const SINKING_MPS: f64 = 0.3;
 const SUNK_S: f64 = 3.0;
@@ -38,6 +40,8 @@ pub(super) struct Weight {
     kg_per_mps: f64,
     /// Mean square of the vertical wind, m²/s².
     gust_mps2: f64,
+    /// What that has been learnt from, s.
+    learnt_s: f64,
     admissible_kg: f64,
     /// Smoothed speed downwards, and for how long it has been slow.
     sinking_mps: f64,
@@ -69,6 +73,7 @@ impl Weight {
             mean_kg: 0.0,
             kg_per_mps: 0.0,
             gust_mps2: GUST_MPS * GUST_MPS,
+            learnt_s: BEGIN_S,
             admissible_kg: f64::INFINITY,
             sinking_mps: 0.0,
             sunk_s: SUNK_S,
@@ -121,7 +126,8 @@ impl Weight {
             let most = CLIP * self.gust_mps2.sqrt();
             let gust = ((value - self.mean_kg) / self.kg_per_mps.max(1e-3 * mass.nominal)).clamp(-most, most);
             self.mean_kg += (value - self.mean_kg) * (m.dt_s / MEAN_S).min(1.0);
-            self.gust_mps2 += (gust * gust - self.gust_mps2) * (m.dt_s / LEARN_S).min(1.0);
+            self.learnt_s = (self.learnt_s + m.dt_s).min(LEARN_S);
+            self.gust_mps2 += (gust * gust - self.gust_mps2) * (m.dt_s / self.learnt_s).min(1.0);
         }
         if self.seen_s > 4.0 * SMOOTH_S {
             let by_rotor = (0.0..=LEVER * rotor_lacks_n).contains(&(value * GRAVITY_MPS2));
