@@ -8,10 +8,11 @@ use mavobserver::daemon::Settings;
 use mavobserver::signal::Channel;
 use mavobserver::telemetry::requests::Need;
 use mavobserver::wire::dialect::ardupilotmega::{
-    COMMAND_ACK_DATA, COMMAND_LONG_DATA, MavCmd, MavParamType, MavResult, PARAM_REQUEST_LIST_DATA, PARAM_SET_DATA,
-    PARAM_VALUE_DATA,
+    COMMAND_ACK_DATA, COMMAND_LONG_DATA, MESSAGE_INTERVAL_DATA, MavCmd, MavParamType, MavResult,
+    PARAM_REQUEST_LIST_DATA, PARAM_SET_DATA, PARAM_VALUE_DATA,
 };
 use mavobserver::wire::{Encoder, FrameBuf, decode};
+use std::io::Write;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
 use std::time::Duration;
@@ -75,6 +76,9 @@ async fn parameters_are_listed_and_set_and_outlive_a_restart() {
     running.stop().await;
 }
 
+/// The interval of every message before it is asked for.
+const BEFORE_US: f32 = 250_000.0;
+
 #[tokio::test]
 async fn what_the_vehicle_granted_is_given_back_on_leaving() {
     let needs = vec![Need::at_default_rate(Channel::Gnss)];
@@ -88,12 +92,23 @@ async fn what_the_vehicle_granted_is_given_back_on_leaving() {
         let deadline = tokio::time::Instant::now() + Duration::from_millis(20);
         while let Some(datagram) = vehicle.receive_until(deadline).await {
             let Some(command) = decode::<COMMAND_LONG_DATA>(frame_of(&datagram).as_ref()) else { continue };
-            assert_eq!(command.command, MavCmd::MAV_CMD_SET_MESSAGE_INTERVAL);
-            if command.param2 == 0.0 {
-                given_back.push(command.param1);
-                continue;
+            match command.command {
+                MavCmd::MAV_CMD_SET_MESSAGE_INTERVAL if command.param2 == BEFORE_US => {
+                    given_back.push(command.param1);
+                    continue;
+                }
+                MavCmd::MAV_CMD_SET_MESSAGE_INTERVAL => granted.push(command.param1),
+                MavCmd::MAV_CMD_GET_MESSAGE_INTERVAL => {
+                    let (message_id, interval_us) = (command.param1 as u16, BEFORE_US as i32);
+                    let told = MESSAGE_INTERVAL_DATA { message_id, interval_us };
+                    vehicle.send(encoder.encode(&told).bytes()).await;
+                }
+                // who it is
+                other => {
+                    assert_eq!(other, MavCmd::MAV_CMD_REQUEST_MESSAGE);
+                    continue;
+                }
             }
-            granted.push(command.param1);
             let ack = COMMAND_ACK_DATA {
                 command: command.command,
                 result: MavResult::MAV_RESULT_ACCEPTED,
@@ -117,7 +132,8 @@ async fn what_the_vehicle_granted_is_given_back_on_leaving() {
     stopping.expect("both messages were asked for").await.expect("no panic");
     for datagram in vehicle.receive_all().await {
         let frame = frame_of(&datagram);
-        given_back.extend(decode::<COMMAND_LONG_DATA>(frame.as_ref()).filter(|c| c.param2 == 0.0).map(|c| c.param1));
+        let commands = decode::<COMMAND_LONG_DATA>(frame.as_ref());
+        given_back.extend(commands.filter(|c| c.param2 == BEFORE_US).map(|c| c.param1));
     }
     granted.sort_by(f32::total_cmp);
     given_back.sort_by(f32::total_cmp);
@@ -152,4 +168,67 @@ async fn pymavlink_lists_and_sets_our_parameters_and_intervals() {
     let said = String::from_utf8_lossy(&output.stdout);
     assert!(output.status.success() && said.contains("all well"), "{said}{}", String::from_utf8_lossy(&output.stderr));
     running.stop().await;
+}
+
+/// What MAVProxy prints when it is told these lines, one every few seconds.
+fn mavproxy(url: &str, home: &Path, lines: &[&str]) -> String {
+    let mut proxy = Command::new("mavproxy.py")
+        .args([&format!("--master={url}"), "--default-modules=param,cmdlong"])
+        .current_dir(home)
+        .env("HOME", home)
+        .stdin(Stdio::piped())
+        .stdout(Stdio::piped())
+        .stderr(Stdio::null())
+        .spawn()
+        .expect("starts");
+    let mut input = proxy.stdin.take().expect("piped");
+    // it reads while it connects
+    std::thread::sleep(Duration::from_secs(5));
+    for line in lines {
+        writeln!(input, "{line}").expect("takes it");
+        std::thread::sleep(Duration::from_secs(2));
+    }
+    drop(input);
+    let output = proxy.wait_with_output().expect("ends");
+    String::from_utf8_lossy(&output.stdout).into_owned()
+}
+
+/// MAVProxy as a ground station: the same as pymavlink does, in an operator's words.
+#[tokio::test]
+async fn mavproxy_lists_and_sets_our_parameters_and_intervals() {
+    let here = Command::new("mavproxy.py").arg("--version").stdout(Stdio::null()).stderr(Stdio::null()).status();
+    if !here.is_ok_and(|s| s.success()) {
+        eprintln!("SKIPPED: mavproxy.py is not here");
+        return;
+    }
+    let home = tempfile::tempdir().expect("a directory");
+    let (running, vehicle) = daemon(None, None).await;
+    let (url, folder) = (format!("udpout:{}", running.address(1)), home.path().to_owned());
+    let mut operator = tokio::task::spawn_blocking(move || {
+        let lines = [
+            "vehicle 1:191",
+            "param fetch",
+            "param set OUT_NAMED_HZ 4",
+            "param show OUT_*",
+            "long SET_MESSAGE_INTERVAL 250 50000",
+        ];
+        mavproxy(&url, &folder, &lines)
+    });
+    let (mut encoder, mut k) = (Encoder::new(1, 1), 5);
+    let said = loop {
+        tokio::select! {
+            said = &mut operator => break said.expect("no panic"),
+            () = sleep(Duration::from_millis(100)) => {
+                k += 1;
+                vehicle.send(encoder.encode(&heartbeat()).bytes()).await;
+                vehicle.send(encoder.encode(&attitude(k)).bytes()).await;
+            }
+        }
+    };
+    running.stop().await;
+    let count = mavobserver::station::parameters().len();
+    assert!(said.contains(&format!("Received {count} parameters")), "{said}");
+    let shown = said.lines().any(|l| l.contains("OUT_NAMED_HZ") && l.trim_end().ends_with("4.0"));
+    assert!(shown, "{said}");
+    assert!(said.contains("SET_MESSAGE_INTERVAL: ACCEPTED"), "{said}");
 }

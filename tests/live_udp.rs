@@ -228,7 +228,9 @@ async fn live_vehicles_are_asked_for_streams_and_time_and_logs_are_not() {
         let mut buffer = [0; 300];
         while let Ok((length, _)) = vehicle.socket.try_recv_from(&mut buffer) {
             let frame = frame_of(&buffer[..length]);
-            command = command.or_else(|| decode(frame.as_ref()));
+            let about_streams =
+                decode::<COMMAND_LONG_DATA>(frame.as_ref()).filter(|c| c.command != MavCmd::MAV_CMD_REQUEST_MESSAGE);
+            command = command.or(about_streams);
             time = time.or_else(|| decode(frame.as_ref()));
         }
         if command.is_some() && time.is_some() {
@@ -236,7 +238,7 @@ async fn live_vehicles_are_asked_for_streams_and_time_and_logs_are_not() {
         }
     }
     let command = command.expect("asked for a stream");
-    assert_eq!((command.command, command.param1), (MavCmd::MAV_CMD_SET_MESSAGE_INTERVAL, 24.0));
+    assert_eq!((command.command, command.param1), (MavCmd::MAV_CMD_GET_MESSAGE_INTERVAL, 24.0));
     assert_eq!(time.expect("asked for the time").tc1, 0);
     let to_station = station.receive_all().await;
     let asks = |id: u32| to_station.iter().filter(|d| frame_of(d).as_ref().message_id() == id).count();

@@ -10,7 +10,7 @@ use mavobserver::pipeline::{Event, FaultDetail, FaultMask, Fleet, FleetSettings,
 use mavobserver::signal::{Guarantee, Stamp, Verdict};
 use mavobserver::wire::dialect::ardupilotmega::{
     DEBUG_FLOAT_ARRAY_DATA, DEBUG_VECT_DATA, HEARTBEAT_DATA, MavAutopilot, MavSeverity, MavState, MavType,
-    NAMED_VALUE_FLOAT_DATA, NAMED_VALUE_INT_DATA, STATUSTEXT_DATA, WIND_COV_DATA,
+    NAMED_VALUE_FLOAT_DATA, NAMED_VALUE_INT_DATA, STATUSTEXT_DATA, WIND_COV_DATA, WIND_DATA,
 };
 use mavobserver::wire::dialect::mavobserver::{
     FAULT_STATUS_DATA, MavobserverFault, MavobserverFaultLevel, MavobserverGuarantee, MavobserverVerdict,
@@ -108,6 +108,7 @@ fn vectors_and_arrays_hold_the_estimate_at_its_place() {
     settings.rates.debug_vect = Rate::EVERY;
     settings.rates.wrench_array = Rate::EVERY;
     settings.rates.wind_cov = Rate::EVERY;
+    settings.rates.wind = Rate::EVERY;
     let sent = ten_seconds(settings);
     let truth: BTreeMap<u64, _> = (0..500)
         .map(|k| (u64::from(attitude(k).time_boot_ms) * 1_000, Echo::snapshot(VEHICLE, &attitude(k), 0)))
@@ -139,6 +140,14 @@ fn vectors_and_arrays_hold_the_estimate_at_its_place() {
         assert!(array.data[15..18].iter().all(|&x| (1.5..1.500_01).contains(&x)));
         assert_eq!(array.data[18..20], [1.0, 5.0], "guaranteed; fault bits 0 and 2");
         assert!(array.data[20..].iter().all(|&x| x == 0.0));
+    }
+    let winds = all::<WIND_DATA>(&sent);
+    assert_eq!(winds.len(), 500);
+    for (wind, snapshot) in winds.iter().zip(truth.values()) {
+        let velocity = snapshot.wind.expect("always").velocity_ned_mps;
+        let from = (-velocity.y).atan2(-velocity.x).to_degrees().rem_euclid(360.0);
+        assert!((f64::from(wind.direction) - from).abs() < 1e-4, "from, not towards");
+        assert_eq!([wind.speed, wind.speed_z], [velocity.xy().norm() as f32, velocity.z as f32]);
     }
     let winds = all::<WIND_COV_DATA>(&sent);
     assert_eq!(winds.len(), 500);

@@ -1,4 +1,5 @@
 mod links;
+mod live;
 
 use super::config_args::LoadErrors;
 use super::{ConfigArgs, Failure, print};
@@ -20,8 +21,12 @@ Examples:
   mavobserver check -c flight.toml
   mavobserver check --vehicle px4-sih
   mavobserver check -c flight.toml --vehicle 2=my-quad.toml --json
+  mavobserver check -c flight.toml --live
 
-Exit codes: 0 valid, 2 problems found.")]
+With --live the links are opened and the vehicles on them asked what a run would ask: firmware, parameters, streams. A
+table tells every answer and what follows from it, `!` where something is amiss. Everything is given back at the end.
+
+Exit codes: 0 valid, 1 nobody was heard on the links (--live), 2 problems found.")]
 #[group(required = true, multiple = true, args = ["config", "vehicles", "links"])]
 pub struct CheckArgs {
     #[command(flatten)]
@@ -29,6 +34,9 @@ pub struct CheckArgs {
     /// Link beside those of the config; repeatable
     #[arg(long = "link", value_name = "URL")]
     pub links: Vec<LinkUrl>,
+    /// Open the links and pair with the vehicles on them, for so many seconds
+    #[arg(long, value_name = "SECONDS", num_args = 0..=1, default_missing_value = "25", value_parser = live::seconds)]
+    pub live: Option<f64>,
     /// Print one JSON object
     #[arg(long)]
     pub json: bool,
@@ -40,7 +48,7 @@ pub fn run(args: CheckArgs) -> Result<(), Failure> {
     let checked = args.config.load().map_err(|e| (issues(&e), Failure::from(e))).and_then(|(mut config, warnings)| {
         args.links.iter().for_each(|url| config.add_link(url.clone()));
         // a model alone is looked at; a config is what will run, so its designs must be possible
-        let designs = if runs { design(&config) } else { Ok(Vec::new()) };
+        let designs = if runs && args.live.is_none() { design(&config) } else { Ok(Vec::new()) };
         let designs = designs.map_err(|problems| {
             let issues = problems.iter().map(|p| json!({ "problem": p })).collect();
             (issues, Failure::Usage(problems.join("\n\n")))
@@ -48,6 +56,7 @@ pub fn run(args: CheckArgs) -> Result<(), Failure> {
         Ok((config, warnings, designs))
     });
     match checked {
+        Ok((config, ..)) if args.live.is_some() => live::run(config, args.live.unwrap_or_default(), args.json),
         Ok((config, warnings, designs)) if args.json => print(&pretty(&report(&config, &warnings, &designs))),
         Ok((config, warnings, designs)) => print(&summary(&args, &config, &warnings, &designs)),
         Err((issues, failure)) => {

@@ -12,8 +12,10 @@ mod output;
 mod read;
 mod record;
 mod rules;
+mod signing;
 
 pub use link_url::{Flow, LinkUrl, LinkUrlError, Pace};
+pub use signing::Signing;
 
 use crate::document::{Document, Issue, Issues};
 use crate::faults::FaultSettings;
@@ -66,12 +68,14 @@ pub struct Link {
     pub url: LinkUrl,
     pub output: OutputSettings,
     pub rules: Rules,
+    /// `None`: nothing is signed, and signatures are not looked at.
+    pub signing: Option<Signing>,
 }
 
 impl Link {
     /// A link named by its URL, that takes and is sent everything.
     pub fn new(url: LinkUrl, output: OutputSettings) -> Self {
-        Self { name: url.to_string(), url, output, rules: Rules::default() }
+        Self { name: url.to_string(), url, output, rules: Rules::default(), signing: None }
     }
 }
 

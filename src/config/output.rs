@@ -19,6 +19,7 @@ fn rates(t: &mut Table<'_>, base: Rates) -> Rates {
         bound_arrays: rate(t, "bound_arrays", base.bound_arrays),
         named_values: rate(t, "named_values", base.named_values),
         wind_cov: rate(t, "wind_cov", base.wind_cov),
+        wind: rate(t, "wind", base.wind),
         wrench_estimate: rate(t, "wrench_estimate", base.wrench_estimate),
         wind_estimate: rate(t, "wind_estimate", base.wind_estimate),
         state_bounds: rate(t, "state_bounds", base.state_bounds),

@@ -1,6 +1,7 @@
 use super::output::output;
 use super::record::record;
 use super::rules::rules;
+use super::signing::signing;
 use super::{Config, Link, LinkUrl, Requests, Vehicles};
 use crate::document::{Limit, Table, Value};
 use crate::faults::FaultSettings;
@@ -51,6 +52,7 @@ pub(super) fn config(t: &mut Table<'_>, base: &Path) -> Option<Config> {
 
 fn links(t: &mut Table<'_>, base: &Path, defaults: OutputSettings) -> Option<Vec<Link>> {
     let (mut names, mut bound) = (Vec::new(), Vec::new());
+    let mut number = 0;
     let links = t.sections("link", |t| {
         let url_key = t.require("url");
         let url = url_key.as_ref().and_then(|v| link_url(v, base));
@@ -73,7 +75,9 @@ fn links(t: &mut Table<'_>, base: &Path, defaults: OutputSettings) -> Option<Vec
         }
         let output = t.section("output", |t| output(t, defaults));
         let rules = rules(t);
-        Some(Link { name: name?, url: url?, output, rules })
+        let signing = t.section("signing", |t| signing(t, base, number));
+        number += 1;
+        Some(Link { name: name?, url: url?, output, rules, signing })
     });
     links.into_iter().collect()
 }

@@ -1,3 +1,4 @@
+use super::guard::TimesError;
 use super::keeper::KeeperError;
 use crate::record::RecordError;
 use crate::wire::tlog::TlogError;
@@ -21,6 +22,8 @@ pub enum DaemonError {
     Metrics { address: SocketAddr, source: io::Error },
     #[error("parameter file {}: {source}", path.display())]
     Parameters { path: PathBuf, source: KeeperError },
+    #[error("times of signatures of {link}: {source}")]
+    Times { link: String, source: TimesError },
     #[error("cannot start the {name} thread: {source}")]
     Thread { name: &'static str, source: io::Error },
 }

@@ -2,17 +2,18 @@
 
 use super::batches::{Receiver, Took};
 use super::clock::{Steady, unix_us};
-use super::dialogue::{Dialogue, Now, Question};
+use super::dialogue::{Dialogue, Now, Question, Word};
 use super::farewell::Farewell;
 use super::keeper::Keeper;
 use super::recorder::{Estimates, RecorderHandle};
 use super::router::{LinkId, Origin, Router};
 use super::status::Board;
+use crate::config::Vehicles;
 use crate::outputs::{LinkOutputs, OutputSettings};
 use crate::pipeline::{Event, Fleet, Severity, Snapshot, VehicleId};
 use crate::record::session::Track;
 use crate::station::{self, Answer, Change};
-use crate::telemetry::requests::{Need, Notice};
+use crate::telemetry::requests::Need;
 use crate::wire::{FrameBuf, FrameRef};
 use std::collections::BTreeMap;
 use std::panic::{AssertUnwindSafe, catch_unwind};
@@ -22,6 +23,8 @@ use tracing::{error, info, warn};
 
 /// After this many panics a vehicle is no longer estimated.
 const MOST_PANICS: u8 = 3;
+/// Time between two tables of what was decided for a vehicle, ms.
+const TABLE_EVERY_MS: u64 = 1_000;
 /// How long the thread sleeps when nothing comes.
 const IDLE: Duration = Duration::from_secs(1);
 
@@ -54,12 +57,19 @@ pub(super) struct Work {
     pub(super) live: bool,
 }
 
+/// What live vehicles are asked.
+#[derive(Debug, Clone)]
+pub(super) struct Requests {
+    pub(super) needs: Vec<Need>,
+    pub(super) models: Vehicles,
+}
+
 /// Everything that runs on the estimator's thread.
 pub(super) struct Worker<E> {
     estimator: E,
     voice: Voice,
     vehicles: Vec<Vehicle>,
-    requests: Option<Vec<Need>>,
+    requests: Option<Requests>,
     component: u8,
     board: Arc<Board>,
     steady: Steady,
@@ -71,13 +81,15 @@ pub(super) struct Worker<E> {
 struct Vehicle {
     id: VehicleId,
     dialogue: Option<Dialogue>,
+    /// When what was decided was last written down.
+    table_ms: u64,
 }
 
 impl<E: Estimator> Worker<E> {
     pub(super) fn new(
         estimator: E,
         voice: Voice,
-        requests: Option<Vec<Need>>,
+        requests: Option<Requests>,
         board: Arc<Board>,
         farewell: Arc<Farewell>,
     ) -> Self {
@@ -133,7 +145,7 @@ impl<E: Estimator> Worker<E> {
             Event::NewVehicle { vehicle, kind } => {
                 info!(%vehicle, autopilot = kind.autopilot, r#type = kind.mav_type, "new vehicle");
                 if kind.is_multirotor() {
-                    vehicles.push(Vehicle { id: vehicle, dialogue: None });
+                    vehicles.push(Vehicle { id: vehicle, dialogue: None, table_ms: 0 });
                     let text = concat!("mavobserver ", env!("CARGO_PKG_VERSION"), " observes this vehicle");
                     voice.text(vehicle, Severity::Info, text, work.received_us);
                 }
@@ -160,17 +172,24 @@ impl<E: Estimator> Worker<E> {
 
     /// Stream requests and time questions for the live vehicle that sent `frame`.
     fn converse(&mut self, index: usize, frame: FrameRef<'_>, work: &Work) {
-        let Some(needs) = &self.requests else { return };
-        let Vehicle { id, dialogue } = &mut self.vehicles[index];
-        let dialogue = dialogue.get_or_insert_with(|| Dialogue::new(*id, self.component, needs.clone(), work.origin));
+        let Some(requests) = &self.requests else { return };
+        let Vehicle { id, dialogue, table_ms } = &mut self.vehicles[index];
+        let dialogue = dialogue.get_or_insert_with(|| {
+            let model = requests.models.of(id.system).cloned();
+            Dialogue::new(*id, self.component, requests.needs.clone(), model, work.origin)
+        });
         let now = Now { unix_us: work.received_us, steady_ms: self.steady.ms() };
         dialogue.heard(frame, work.origin, now);
         self.board.clock(*id, dialogue.clock_offset());
+        if now.steady_ms.saturating_sub(*table_ms) >= TABLE_EVERY_MS {
+            *table_ms = now.steady_ms;
+            self.board.pairing(*id, dialogue.decisions(now));
+        }
         // a question's time is when it leaves, not when the frame before it came
         let now = Now { unix_us: unix_us(), ..now };
-        let questions = dialogue.poll(now, &mut |notice| match notice {
-            Notice::Unmet { .. } => warn!(vehicle = %id, "{notice}"),
-            Notice::Met { .. } => info!(vehicle = %id, "{notice}"),
+        let questions = dialogue.poll(now, &mut |word| match word {
+            Word::Warning(text) => warn!(vehicle = %id, "{text}"),
+            Word::Info(text) => info!(vehicle = %id, "{text}"),
         });
         for question in questions.into_iter().flatten() {
             self.voice.ask(*id, &question, work.origin);
@@ -199,7 +218,7 @@ impl<E: Estimator> Worker<E> {
 
     /// Gives back what the vehicles granted.
     fn leave(&mut self) {
-        for Vehicle { id, dialogue } in &self.vehicles {
+        for Vehicle { id, dialogue, .. } in &self.vehicles {
             let Some(dialogue) = dialogue else { continue };
             for question in dialogue.farewell() {
                 self.voice.ask(*id, &question, dialogue.origin);

@@ -71,9 +71,12 @@ impl Inlet {
     fn pass<'a>(&mut self, event: Event<'a>, origin: Origin, now_us: u64) -> Option<FrameRef<'a>> {
         self.board.received(self.link, &event, now_us);
         let Event::Frame(frame) = event else { return None };
+        if self.router.guard(self.link).is_some_and(|guard| !guard.admits(frame, now_us)) {
+            return None;
+        }
         let fate = self.router.forward(frame, origin, &mut self.ends);
         match fate {
-            Fate::Passed | Fate::Twin => {}
+            Fate::Passed | Fate::SecondWay | Fate::Twin => {}
             Fate::Blocked => {
                 self.board.blocked(self.link);
                 return None;
@@ -86,10 +89,15 @@ impl Inlet {
         if let Some(recorder) = &self.recorder {
             recorder.record(Track::Received, self.link.0, now_us, frame);
         }
-        if fate == Fate::Twin {
+        match fate {
+            // its streams run on the other port; both together would be estimated as twice as much
+            Fate::SecondWay => return None,
             // two vehicles mixed into one would be estimated as neither
-            self.board.twin(self.link, frame);
-            return None;
+            Fate::Twin => {
+                self.board.twin(self.link, frame);
+                return None;
+            }
+            _ => {}
         }
         Some(frame)
     }

@@ -71,7 +71,7 @@ impl Collector for Numbers {
 /// Name, help and value of a counter of each link.
 type LinkCounter = (&'static str, &'static str, fn(&LinkStatus) -> u64);
 
-const LINK_COUNTERS: [LinkCounter; 15] = [
+const LINK_COUNTERS: [LinkCounter; 17] = [
     ("link_reconnects", "Times that the link came up again", |l| l.reconnects),
     ("link_received_frames", "Whole frames received", |l| l.frames_in),
     ("link_received_bytes", "Bytes of those frames", |l| l.bytes_in),
@@ -81,11 +81,13 @@ const LINK_COUNTERS: [LinkCounter; 15] = [
     ("link_received_blocked", "Frames that the link's filter did not take", |l| l.blocked_in),
     ("link_received_duplicates", "Frames that had come before by another link", |l| l.duplicates_in),
     ("link_received_twins", "Frames of a second sender with the same ids", |l| l.twins_in),
+    ("link_received_refused", "Frames whose signature is missing or wrong", |l| l.refused_in),
     ("link_sent_frames", "Frames sent", |l| l.frames_out),
     ("link_sent_bytes", "Bytes of those frames", |l| l.bytes_out),
     ("link_dropped_frames", "Frames that the link could not take", |l| l.dropped_out),
     ("link_filtered_frames", "Frames that the link's filter held back", |l| l.filtered_out),
     ("link_limited_frames", "Frames that the link's rate limits held back", |l| l.limited_out),
+    ("link_withheld_frames", "Frames that cannot be signed on a link where all are", |l| l.withheld_out),
     ("link_strangers", "Datagrams and connections that are not served", |l| l.strangers),
 ];
 

@@ -28,8 +28,8 @@
 //!
 //! # Stopping
 //!
-//! First the vehicles get back what they granted: every message that was asked for goes to its default interval. Then, in
-//! this order, under one deadline: links close, the estimator works off its queue and ends, the recorder writes what
+//! First the vehicles get back what they granted: every message that was asked for goes to the interval that it had.
+//! Then, in this order, under one deadline: links close, the estimator works off its queue and ends, the recorder writes what
 //! it has. Whatever is not done by then is named and left behind.
 
 mod batches;
@@ -38,10 +38,14 @@ mod dialogue;
 mod error;
 mod estimator;
 mod farewell;
+mod guard;
 mod inlet;
 mod keeper;
 mod links;
 mod metrics;
+mod pairing;
+#[cfg(test)]
+mod pairing_flights;
 mod recorder;
 mod router;
 mod service;
@@ -51,11 +55,12 @@ mod status;
 pub use clock::steady_ns;
 pub use error::DaemonError;
 pub use estimator::Estimator;
+pub use guard::TimesError;
 pub use keeper::KeeperError;
 pub use router::LinkId;
 pub use service::{Control, Daemon, Summary};
 pub use settings::Settings;
-pub use status::{LinkStatus, ObserverStatus, RecordingStatus, SourceStatus, Status, VehicleStatus};
+pub use status::{Decision, LinkStatus, ObserverStatus, RecordingStatus, SourceStatus, Status, VehicleStatus};
 
 /// Frames that may wait for the estimator: a second of twenty vehicles.
 pub const ESTIMATOR_QUEUE: usize = 4096;

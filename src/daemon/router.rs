@@ -1,6 +1,7 @@
 //! Hands frames to links, as [`crate::routing`] decides.
 
 use super::clock::Steady;
+use super::guard::{Guard, Withheld};
 use super::links::Outlet;
 pub use crate::routing::LinkId;
 pub(super) use crate::routing::Origin;
@@ -13,16 +14,33 @@ use std::time::Duration;
 #[derive(Debug)]
 pub(super) struct Router {
     outlets: Vec<Outlet>,
+    /// Of the links that are signed.
+    guards: Vec<Option<Guard>>,
     routes: Mutex<Routes>,
     /// Not the time of the frames: a log's is another than that of a live link.
     steady: Steady,
 }
 
 impl Router {
-    /// `outlets[i]` and `rules[i]` belong to `LinkId(i)`.
-    pub(super) fn new(outlets: Vec<Outlet>, rules: Vec<Rules>, duplicates: Duration) -> Self {
+    /// `outlets[i]`, `guards[i]` and `rules[i]` belong to `LinkId(i)`.
+    pub(super) fn new(
+        outlets: Vec<Outlet>,
+        guards: Vec<Option<Guard>>,
+        rules: Vec<Rules>,
+        duplicates: Duration,
+    ) -> Self {
         let routes = Routes::new(rules, micros(duplicates));
-        Self { outlets, routes: Mutex::new(routes), steady: Steady::start() }
+        Self { outlets, guards, routes: Mutex::new(routes), steady: Steady::start() }
+    }
+
+    /// Who signs and checks on a link; `None` where nobody does.
+    pub(super) fn guard(&self, link: LinkId) -> Option<&Guard> {
+        self.guards.get(link.0)?.as_ref()
+    }
+
+    /// Writes down the newest times of all signatures.
+    pub(super) fn keep_times(&self) {
+        self.guards.iter().flatten().for_each(Guard::keep);
     }
 
     /// Other rules from now on; links go on as they are.
@@ -68,8 +86,11 @@ impl Router {
     }
 
     fn give(&self, frame: FrameRef<'_>, to: Origin) {
-        if let Some(outlet) = self.outlets.get(to.link.0) {
-            outlet.send(frame.bytes(), to.peer);
+        let Some(outlet) = self.outlets.get(to.link.0) else { return };
+        match self.guard(to.link).map_or(Ok(None), |guard| guard.seal(frame)) {
+            Ok(Some(signed)) => outlet.send(signed.bytes(), to.peer),
+            Ok(None) => outlet.send(frame.bytes(), to.peer),
+            Err(Withheld) => {}
         }
     }
 

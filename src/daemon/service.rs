@@ -1,8 +1,9 @@
 //! Starting and stopping everything.
 
 use super::batches::{self, Sender, Wake};
-use super::estimator::{Estimator, Voice, Work, Worker};
+use super::estimator::{Estimator, Requests, Voice, Work, Worker};
 use super::farewell::Farewell;
+use super::guard::Guard;
 use super::inlet::Inlet;
 use super::keeper::Keeper;
 use super::links::{Bound, Outlet};
@@ -12,7 +13,7 @@ use super::router::{LinkId, Router};
 use super::settings::Settings;
 use super::status::{Board, Status, StatusLines};
 use super::{DaemonError, ESTIMATOR_QUEUE};
-use crate::config::LinkUrl;
+use crate::config::{Link, LinkUrl};
 use crate::record::session::Folder;
 use crate::routing::Rules;
 use crate::wire::stats::LinkStats;
@@ -103,7 +104,13 @@ impl Daemon {
         };
         let outlets: Vec<Outlet> = links.iter().map(Bound::outlet).collect();
         let rules = settings.links.iter().map(|l| l.rules.clone()).collect();
-        let router = Arc::new(Router::new(outlets.clone(), rules, settings.duplicates));
+        let guard = |link: &Link| {
+            let open = |signing| Guard::open(&link.name, signing);
+            let failed = |source| DaemonError::Times { link: link.name.clone(), source };
+            link.signing.as_ref().map(open).transpose().map_err(failed)
+        };
+        let guards = settings.links.iter().map(guard).collect::<Result<_, _>>()?;
+        let router = Arc::new(Router::new(outlets.clone(), guards, rules, settings.duplicates));
         let names = settings.links.iter().map(|l| l.name.clone()).collect();
         let board = Arc::new(Board::new(names, outlets, Arc::clone(&router)));
         Ok(Self { settings, links, router, board, recorder, metrics, keeper })
@@ -129,6 +136,7 @@ impl Daemon {
         stop: CancellationToken,
     ) -> Result<Summary, DaemonError> {
         let control = self.control();
+        let times = Arc::clone(&self.router);
         let Self { settings, links, router, board, recorder, metrics, keeper } = self;
         let farewell = Arc::new(Farewell::default());
         let (handle, recording) = match recorder {
@@ -169,7 +177,10 @@ impl Daemon {
             tokio::select! {
                 () = stop.cancelled() => break,
                 open = running.next_ended() => if !open { break },
-                _ = tick.tick() => lines.log(board.status()),
+                _ = tick.tick() => {
+                    lines.log(board.status());
+                    times.keep_times();
+                }
             }
         }
 
@@ -180,6 +191,7 @@ impl Daemon {
         for stage in [estimating, recording].into_iter().flatten() {
             stragglers.extend(stage.finish(deadline).await);
         }
+        times.keep_times();
         for straggler in &stragglers {
             warn!("{straggler} did not stop within {:?}", settings.stop_within);
         }
@@ -203,7 +215,7 @@ fn estimate<E: Estimator>(
     farewell: &Arc<Farewell>,
 ) -> Result<(Sender<Work>, Stage), DaemonError> {
     let (sender, queue) = batches::channel::<Work>(ESTIMATOR_QUEUE, Wake::AtOnce);
-    let requests = settings.requests.clone();
+    let requests = settings.requests.clone().map(|needs| Requests { needs, models: settings.models.clone() });
     let worker = Worker::new(estimator, voice, requests, Arc::clone(board), Arc::clone(farewell));
     Ok((sender, Stage::start("estimator", move || worker.run(queue))?))
 }

@@ -1,4 +1,4 @@
-use crate::config::{Link, Recording};
+use crate::config::{Link, Recording, Vehicles};
 use crate::telemetry::requests::Need;
 use std::net::SocketAddr;
 use std::path::PathBuf;
@@ -10,6 +10,8 @@ pub struct Settings {
     pub links: Vec<Link>,
     /// What live vehicles are asked for; `None` asks for nothing, not even the time.
     pub requests: Option<Vec<Need>>,
+    /// The models, to be compared with what the vehicles tell of themselves.
+    pub models: Vehicles,
     /// Where recordings go; `None` records nothing.
     pub record: Option<Recording>,
     /// How long a frame is known, to remove it when it comes again by another link.
@@ -30,6 +32,7 @@ impl Settings {
         Self {
             links,
             requests: None,
+            models: Vehicles::default(),
             record: None,
             duplicates: Duration::from_millis(500),
             metrics: None,

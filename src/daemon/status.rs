@@ -1,5 +1,6 @@
 //! Numbers that say how the daemon is doing, and the lines that show them.
 
+use super::guard::Guard;
 use super::links::Outlet;
 use super::recorder::RecorderState;
 use super::router::Router;
@@ -67,6 +68,7 @@ pub(super) struct Board {
     router: Arc<Router>,
     vehicles: Mutex<BTreeMap<VehicleId, VehicleStatus>>,
     observers: Mutex<BTreeMap<(VehicleId, &'static str), ObserverStatus>>,
+    pairings: Mutex<BTreeMap<VehicleId, Vec<Decision>>>,
     /// Systems of which it was told that there are two.
     twins_told: Mutex<BTreeSet<u8>>,
     estimator_missed: AtomicU64,
@@ -107,6 +109,8 @@ pub struct LinkStatus {
     pub duplicates_in: u64,
     /// Frames of a second sender with the ids of one that is heard on another link.
     pub twins_in: u64,
+    /// Frames whose signature is missing or wrong.
+    pub refused_in: u64,
     pub frames_out: u64,
     pub bytes_out: u64,
     /// Frames that the socket did not take, that a full queue had no room for, or that were on their way when a
@@ -115,6 +119,8 @@ pub struct LinkStatus {
     /// Frames that the link's filter and its rate limits held back.
     pub filtered_out: u64,
     pub limited_out: u64,
+    /// Frames that cannot be signed, on a link where all are.
+    pub withheld_out: u64,
     /// Datagrams and connections of senders that are not served.
     pub strangers: u64,
     pub sources: Vec<SourceStatus>,
@@ -151,6 +157,15 @@ pub struct ObserverStatus {
     pub consistent: u64,
 }
 
+/// One thing that was found out about a vehicle or decided for it while pairing.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Decision {
+    pub subject: String,
+    pub text: String,
+    /// Nothing has to be done about it.
+    pub good: bool,
+}
+
 /// Everything at one moment.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Status {
@@ -158,6 +173,8 @@ pub struct Status {
     pub vehicles: BTreeMap<VehicleId, VehicleStatus>,
     /// By vehicle and registry name.
     pub observers: BTreeMap<(VehicleId, &'static str), ObserverStatus>,
+    /// What each live vehicle was asked for and what came of it.
+    pub pairings: BTreeMap<VehicleId, Vec<Decision>>,
     /// Frames that came while the estimator's queue was full.
     pub estimator_missed: u64,
     pub recording: Option<RecordingStatus>,
@@ -189,6 +206,7 @@ impl Board {
             router,
             vehicles: Mutex::default(),
             observers: Mutex::default(),
+            pairings: Mutex::default(),
             twins_told: Mutex::default(),
             estimator_missed: AtomicU64::new(0),
             recorder: OnceLock::new(),
@@ -206,6 +224,7 @@ impl Board {
             links: self.links.iter().enumerate().map(|(i, l)| l.status(LinkId(i), &self.router)).collect(),
             vehicles: lock(&self.vehicles).clone(),
             observers: lock(&self.observers).clone(),
+            pairings: lock(&self.pairings).clone(),
             estimator_missed: self.estimator_missed.load(Ordering::Relaxed),
             recording: self.recorder.get().map(|recorder| RecordingStatus {
                 frames: recorder.written(),
@@ -286,6 +305,10 @@ impl Board {
         }
     }
 
+    pub(super) fn pairing(&self, vehicle: VehicleId, decisions: Vec<Decision>) {
+        lock(&self.pairings).insert(vehicle, decisions);
+    }
+
     pub(super) fn panicked(&self, vehicle: VehicleId) {
         lock(&self.vehicles).remove(&vehicle);
     }
@@ -295,6 +318,7 @@ impl LinkBoard {
     fn status(&self, id: LinkId, router: &Router) -> LinkStatus {
         let traffic = self.outlet.traffic().map(Traffic::counts).unwrap_or_default();
         let (filtered_out, limited_out) = router.held_back(id);
+        let (refused_in, withheld_out) = router.guard(id).map_or((0, 0), Guard::counts);
         let (health, overrun_in) = (self.outlet.health(), self.outlet.overruns());
         let received = lock(&self.received);
         LinkStatus {
@@ -310,11 +334,13 @@ impl LinkBoard {
             blocked_in: self.blocked.load(Ordering::Relaxed),
             duplicates_in: self.duplicates.load(Ordering::Relaxed),
             twins_in: self.twins.load(Ordering::Relaxed),
+            refused_in,
             frames_out: traffic.frames,
             bytes_out: traffic.bytes,
             dropped_out: traffic.dropped,
             filtered_out,
             limited_out,
+            withheld_out,
             strangers: traffic.strangers,
             sources: received
                 .sources()
@@ -390,6 +416,9 @@ impl LinkStatus {
         }
         if self.lost_in > last.lost_in {
             let _ = write!(line, ", {} lost", self.lost_in - last.lost_in);
+        }
+        if self.refused_in > last.refused_in {
+            let _ = write!(line, ", {} refused by their signatures", self.refused_in - last.refused_in);
         }
         if self.overrun_in > last.overrun_in {
             let _ = write!(line, ", {} not taken in time", self.overrun_in - last.overrun_in);

@@ -6,7 +6,7 @@ use crate::pipeline::{Snapshot, WindEstimate};
 use crate::signal::{Guarantee, Stamp};
 use crate::wire::dialect::ardupilotmega::{
     DEBUG_FLOAT_ARRAY_DATA, DEBUG_VECT_DATA, HEARTBEAT_DATA, MavAutopilot, MavModeFlag, MavState, MavType,
-    NAMED_VALUE_FLOAT_DATA, NAMED_VALUE_INT_DATA, WIND_COV_DATA,
+    NAMED_VALUE_FLOAT_DATA, NAMED_VALUE_INT_DATA, WIND_COV_DATA, WIND_DATA,
 };
 use nalgebra::Vector3;
 
@@ -191,6 +191,16 @@ pub(super) fn wind_cov(wind: &WindEstimate, stamp: Stamp) -> WIND_COV_DATA {
         wind_alt: f32::NAN,
         horiz_accuracy: deviation(wind.half_width_mps.xy().max()),
         vert_accuracy: deviation(wind.half_width_mps.z),
+    }
+}
+
+/// Wind as ArduPilot's WIND: where it comes from, and downwards as the third part.
+pub(super) fn wind(wind: &WindEstimate) -> WIND_DATA {
+    let velocity = wind.velocity_ned_mps;
+    WIND_DATA {
+        direction: known(from_direction_deg(&velocity)),
+        speed: known(velocity.xy().norm()),
+        speed_z: known(velocity.z),
     }
 }
 

@@ -1,4 +1,4 @@
-use super::common::{SCALARS, bound_arrays, debug_vect, fault_mask, heartbeat, named_value, wind_cov, wrench_array};
+use super::common::{SCALARS, bound_arrays, debug_vect, fault_mask, heartbeat, named_value, wind, wind_cov, wrench_array};
 use super::limiter::Limiter;
 use super::own::{ObserverCounts, fault_status, observer_status, state_bounds, wind_estimate, wrench_estimate};
 use super::text::status_text;
@@ -86,12 +86,15 @@ impl LinkOutputs {
                 numbering.send(system, &debug_vect("WR_T", &wrench.torque_frd_nm, stamp), send);
             }
         }
-        if let Some(wind) = &snapshot.wind {
+        if let Some(estimate) = &snapshot.wind {
             if due.wind_estimate.pass(now) {
-                numbering.send(system, &wind_estimate(wind, stamp), send);
+                numbering.send(system, &wind_estimate(estimate, stamp), send);
             }
             if due.wind_cov.pass(now) {
-                numbering.send(system, &wind_cov(wind, stamp), send);
+                numbering.send(system, &wind_cov(estimate, stamp), send);
+            }
+            if due.wind.pass(now) {
+                numbering.send(system, &wind(estimate), send);
             }
         }
         if (snapshot.wrench.is_some() || snapshot.wind.is_some()) && due.wrench_array.pass(now) {
@@ -196,6 +199,7 @@ struct Limiters {
     bound_arrays: Limiter,
     named_values: Limiter,
     wind_cov: Limiter,
+    wind: Limiter,
     wrench_estimate: Limiter,
     wind_estimate: Limiter,
     state_bounds: Limiter,
@@ -211,6 +215,7 @@ impl Limiters {
             bound_arrays: Limiter::new(rates.bound_arrays),
             named_values: Limiter::new(rates.named_values),
             wind_cov: Limiter::new(rates.wind_cov),
+            wind: Limiter::new(rates.wind),
             wrench_estimate: Limiter::new(rates.wrench_estimate),
             wind_estimate: Limiter::new(rates.wind_estimate),
             state_bounds: Limiter::new(rates.state_bounds),

@@ -41,6 +41,8 @@ pub struct Rates {
     /// WIND_COV. QGroundControl shows it from any component and would alternate with the autopilot's own, so it is off
     /// unless asked for.
     pub wind_cov: Rate,
+    /// ArduPilot's own WIND, which its ground stations draw: off unless asked for, for the same reason.
+    pub wind: Rate,
     pub wrench_estimate: Rate,
     pub wind_estimate: Rate,
     pub state_bounds: Rate,
@@ -57,6 +59,7 @@ impl Default for Rates {
             bound_arrays: Rate::hz(2.0),
             named_values: Rate::hz(10.0),
             wind_cov: Rate::OFF,
+            wind: Rate::OFF,
             wrench_estimate: Rate::hz(10.0),
             wind_estimate: Rate::hz(10.0),
             state_bounds: Rate::hz(2.0),

@@ -74,6 +74,20 @@ impl VehicleKind {
     pub fn is_multirotor(self) -> bool {
         matches!(self.mav_type, 2 | 3 | 13 | 14 | 15 | 29 | 35)
     }
+
+    /// What it is, in words, with its article.
+    pub fn name(self) -> &'static str {
+        match self.mav_type {
+            _ if self.is_multirotor() => "a multirotor",
+            1 => "a fixed wing",
+            4 => "a helicopter",
+            10 => "a rover",
+            11 => "a boat",
+            12 => "a submarine",
+            19..=25 => "a VTOL",
+            _ => "no multirotor",
+        }
+    }
 }
 
 /// How much a notice matters; the values are MAV_SEVERITY's.
@@ -165,7 +179,7 @@ impl Fleet {
         let model = self.by_system.get(&id.system).unwrap_or(&self.standard);
         let chain = kind.is_multirotor().then(|| model.chain(id, self.clock));
         if chain.is_none() {
-            let text = format!("vehicle {id} is no multirotor (type {}): nothing to estimate", kind.mav_type);
+            let text = format!("vehicle {id} is {}: only multirotors are estimated", kind.name());
             sink(Event::Notice { vehicle: id, severity: Severity::Notice, text: &text });
         }
         self.members.insert(id, Member { kind, chain, notices: Notices::default() });

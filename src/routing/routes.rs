@@ -15,6 +15,8 @@ pub enum Fate {
     Duplicate,
     /// It is taken, and goes to the ends that were given, if any.
     Passed,
+    /// Taken and passed on as well, but by another port of a vehicle that is heard elsewhere in the same group of links.
+    SecondWay,
     /// Taken and passed on as well, but of another vehicle with the same ids: its sender is heard at another end too, and
     /// the two ends never brought the same frame.
     Twin,
@@ -50,8 +52,26 @@ struct Link {
 struct Home {
     end: Origin,
     heard_us: u64,
-    /// It brought a frame that another end brought as well: two ways to one sender, not two senders.
-    confirmed: bool,
+    /// Frames that it brought, and those of them that another end brought as well; the older count less.
+    seen: u32,
+    shared: u32,
+}
+
+impl Home {
+    fn heard(&mut self, now_us: u64) {
+        const ENOUGH: u32 = 256;
+        self.heard_us = now_us;
+        self.seen += 1;
+        if self.seen > ENOUGH {
+            (self.seen, self.shared) = (self.seen / 2, self.shared / 2);
+        }
+    }
+
+    /// Does this end bring the frames of another: two ways to one sender, not two senders? The two ports of one
+    /// vehicle, which a group of links may lead to, now and then make the same frame by chance.
+    fn confirmed(&self, by_chance: bool) -> bool {
+        if by_chance { self.shared >= 4 && self.shared * 4 >= self.seen } else { self.shared > 0 }
+    }
 }
 
 impl Routes {
@@ -158,26 +178,31 @@ impl Routes {
             last = Some((end.link, passes));
             passes
         });
-        if self.is_twin(source, from, now_us) { Fate::Twin } else { Fate::Passed }
+        match self.other_first(source, from, now_us) {
+            Some(first) if grouped(&self.links, first, from) => Fate::SecondWay,
+            Some(_) => Fate::Twin,
+            None => Fate::Passed,
+        }
     }
 
     /// Two ends lead to one sender.
     fn confirm(&mut self, source: (u8, u8), ends: [Option<Origin>; 2]) {
         for home in self.homes.get_mut(&source).into_iter().flatten() {
-            home.confirmed |= ends.contains(&Some(home.end));
+            if ends.contains(&Some(home.end)) {
+                home.shared += 1;
+            }
         }
     }
 
-    /// Whether the sender at this end is another than the one that was heard first and still is. Without a window for
-    /// duplicates nobody can tell.
-    fn is_twin(&self, source: (u8, u8), from: Origin, now_us: u64) -> bool {
-        let Some(homes) = self.homes.get(&source).filter(|homes| homes.len() > 1) else { return false };
+    /// The end where a sender with these ids was heard first and still is, if that is not this one and nothing shows
+    /// that both are the same sender. Without a window for duplicates nobody can tell.
+    fn other_first(&self, source: (u8, u8), from: Origin, now_us: u64) -> Option<Origin> {
+        let homes = self.homes.get(&source).filter(|homes| homes.len() > 1)?;
         let lately = |home: &&Home| now_us.saturating_sub(home.heard_us) <= TWIN_US;
-        let first = homes.iter().find(lately);
-        let here = homes.iter().find(|home| home.end == from);
-        self.duplicates.window_us() > 0
-            && first.is_some_and(|first| first.end != from)
-            && here.is_some_and(|home| !home.confirmed)
+        let first = homes.iter().find(lately)?.end;
+        let here = homes.iter().find(|home| home.end == from)?;
+        let by_chance = grouped(&self.links, first, from);
+        (self.duplicates.window_us() > 0 && first != from && !here.confirmed(by_chance)).then_some(first)
     }
 
     /// The ends where the addressee lives, or all of them if it is everyone. Ends of one link stand together.
@@ -214,7 +239,7 @@ impl Routes {
             Vec::new()
         });
         if let Some(home) = at.iter_mut().find(|home| home.end == end) {
-            home.heard_us = now_us;
+            home.heard(now_us);
             return;
         }
         if at.len() >= MOST_HOMES
@@ -222,7 +247,7 @@ impl Routes {
         {
             at.remove(oldest);
         }
-        at.push(Home { end, heard_us: now_us, confirmed: false });
+        at.push(Home { end, heard_us: now_us, seen: 1, shared: 0 });
     }
 }
 

@@ -217,6 +217,31 @@ fn two_senders_with_the_same_ids_are_told_from_two_ways_to_one() {
 }
 
 #[test]
+fn two_ports_of_one_vehicle_are_no_twins_where_a_group_says_so() {
+    let mut routes = with_groups(&[Some("vehicle"), Some("vehicle"), None], 50_000);
+    let (first, second) = (end(0, 0), end(1, 0));
+    [first, second].into_iter().for_each(|e| routes.open(e));
+    let (mut one, mut other, mut to) = (Encoder::new(1, 1), Encoder::new(1, 1), Vec::new());
+    other.sequence = 7;
+    let (mut passed, mut duplicates) = (0, 0);
+    for k in 0..2_000 {
+        let mut fate = |encoder: &mut Encoder, at| {
+            routes.route(encoder.encode(&HEARTBEAT_DATA::DEFAULT).as_ref(), at, 100_000 * k, &mut to)
+        };
+        // one port is busier: its numbers overtake the other's, and now and then the same frame comes twice
+        for _ in 0..5 {
+            assert_eq!(fate(&mut one, first), Fate::Passed);
+        }
+        match fate(&mut other, second) {
+            Fate::SecondWay => {}
+            Fate::Duplicate => duplicates += 1,
+            _ => passed += 1,
+        }
+    }
+    assert!(duplicates > 0 && passed == 0, "{duplicates} duplicates, {passed} passed");
+}
+
+#[test]
 fn filters_and_limits_hold_for_their_direction() {
     let block = |messages: Vec<u32>| {
         Filter::new(Selection::default(), Selection::new(messages, Ids::default(), Ids::default()))

@@ -109,6 +109,12 @@ impl Run {
         self.units.first().is_some_and(|u| u.feed.answered() == Some(probe))
     }
 
+    /// Has every autopilot restart in this instant, wherever its vehicle is: its clock begins anew, and what was asked
+    /// of it is forgotten. The vehicles fly on.
+    pub fn reboot(&mut self) {
+        self.units.iter_mut().for_each(|unit| unit.feed.reboot());
+    }
+
     /// Simulated time, s.
     pub fn now_s(&self) -> f64 {
         self.units.first().map_or(0.0, |u| u.vehicle.now().truth.stamp.secs())

@@ -195,6 +195,7 @@ fn ack(frame: FrameRef<'_>, command: MavCmd, result: MavResult) -> Answer {
 /// The rate of one of our messages.
 fn rate_of(rates: &mut Rates, id: u32) -> Option<&mut Rate> {
     Some(match id {
+        168 => &mut rates.wind,
         231 => &mut rates.wind_cov,
         250 => &mut rates.debug_vect,
         251 => &mut rates.named_values,

@@ -45,7 +45,7 @@ macro_rules! rate {
     };
 }
 
-const ALL: [Parameter; 12] = [
+const ALL: [Parameter; 13] = [
     Parameter {
         name: "OUT_HEARTBEAT_HZ",
         meaning: "our heartbeat",
@@ -72,6 +72,7 @@ const ALL: [Parameter; 12] = [
     rate!("OUT_STATE_HZ", state_bounds, "STATE_BOUNDS"),
     rate!("OUT_FAULT_HZ", fault_status, "FAULT_STATUS, beside every change"),
     rate!("OUT_OBSERVER_HZ", observer_status, "OBSERVER_STATUS"),
+    rate!("OUT_WINDAP_HZ", wind, "WIND, as ArduPilot sends it"),
 ];
 
 /// Every parameter, in the order of their indices.

@@ -44,6 +44,7 @@ pub fn silent(url: LinkUrl) -> Link {
         bound_arrays: off,
         named_values: off,
         wind_cov: off,
+        wind: off,
         wrench_estimate: off,
         wind_estimate: off,
         state_bounds: off,

@@ -1,5 +1,6 @@
 //! `mavobserver run`: the daemon.
 
+pub(super) mod pairing;
 mod report;
 mod service;
 
@@ -65,7 +66,7 @@ pub struct RunArgs {
 /// Runs until stopped.
 pub fn run(args: RunArgs) -> Result<(), Failure> {
     if args.check {
-        return check::run(CheckArgs { config: args.config, links: args.links, json: args.json });
+        return check::run(CheckArgs { config: args.config, links: args.links, live: None, json: args.json });
     }
     let config = load(&args)?;
     if config.links.is_empty() {
@@ -127,6 +128,7 @@ pub(super) fn settings(config: &Config) -> Result<Settings, Failure> {
     settings.record.clone_from(&config.record);
     settings.parameters.clone_from(&config.parameters);
     settings.duplicates = config.duplicates;
+    settings.models = config.vehicles.clone();
     settings.metrics = config.metrics;
     if config.requests.streams {
         let mut needs = Vec::new();

@@ -15,8 +15,8 @@ pub(super) fn report(status: &Status) -> Value {
         });
         json!({
             "name": l.name, "down": l.down, "reconnects": l.reconnects, "peers": l.peers, "frames_in": l.frames_in, "bytes_in": l.bytes_in, "bad_in": l.bad_in,
-            "lost_in": l.lost_in, "overrun_in": l.overrun_in, "blocked_in": l.blocked_in, "duplicates_in": l.duplicates_in, "twins_in": l.twins_in, "frames_out": l.frames_out, "bytes_out": l.bytes_out,
-            "dropped_out": l.dropped_out, "filtered_out": l.filtered_out, "limited_out": l.limited_out,
+            "lost_in": l.lost_in, "overrun_in": l.overrun_in, "blocked_in": l.blocked_in, "duplicates_in": l.duplicates_in, "twins_in": l.twins_in, "refused_in": l.refused_in, "frames_out": l.frames_out, "bytes_out": l.bytes_out,
+            "dropped_out": l.dropped_out, "filtered_out": l.filtered_out, "limited_out": l.limited_out, "withheld_out": l.withheld_out,
             "strangers": l.strangers, "sources": sources.collect::<Vec<_>>(),
         })
     });
@@ -34,9 +34,17 @@ pub(super) fn report(status: &Status) -> Value {
             "clock_ours_minus_theirs_ns": v.clock.map(|c| c.ours_minus_theirs_ns),
         })
     });
+    let observers = status.observers.iter().map(|((id, name), o)| {
+        json!({
+            "system": id.system, "component": id.component, "name": name, "steps": o.steps,
+            "consistent": o.consistent,
+        })
+    });
     json!({
         "links": links.collect::<Vec<_>>(),
         "vehicles": vehicles.collect::<Vec<_>>(),
+        "observers": observers.collect::<Vec<_>>(),
+        "pairings": status.pairings.iter().map(super::pairing::json).collect::<Vec<_>>(),
         "estimator_missed": status.estimator_missed,
         "recording": status.recording.map(|r| json!({
             "frames": r.frames, "missed": r.missed, "stopped": r.stopped,

@@ -1,12 +1,14 @@
+use super::server::Server;
 use crate::cli::Failure;
 use crate::config::LinkUrl;
 use crate::wire::{Event, FrameRef, Parser};
 use std::io::ErrorKind;
 use std::net::{SocketAddr, UdpSocket};
 
-/// The ground stations on the other end: plain UDP sockets that never block the simulation.
+/// The ground stations on the other end: plain sockets that never block the simulation.
 pub(in crate::cli) struct Air {
     links: Vec<Link>,
+    servers: Vec<Server>,
     dropped: u64,
 }
 
@@ -25,18 +27,25 @@ const PEERS: usize = 16;
 
 impl Air {
     pub fn open(urls: &[LinkUrl]) -> Result<Self, Failure> {
-        let links = urls.iter().map(Link::open).collect::<Result<_, _>>()?;
-        Ok(Self { links, dropped: 0 })
+        let (mut links, mut servers) = (Vec::new(), Vec::new());
+        for url in urls {
+            match url {
+                LinkUrl::TcpIn { host, port } => servers.push(Server::open(host, *port).map_err(|e| failed(url, &e))?),
+                _ => links.push(Link::open(url)?),
+            }
+        }
+        Ok(Self { links, servers, dropped: 0 })
     }
 
-    /// Datagrams that no socket would take.
+    /// Frames that no socket would take.
     pub fn dropped(&self) -> u64 {
         self.dropped
     }
 
     /// A ground station that has spoken: system and component.
     pub fn station(&self) -> Option<(u8, u8)> {
-        self.links.iter().find_map(|link| link.station)
+        let spoken = self.links.iter().filter_map(|link| link.station);
+        spoken.chain(self.servers.iter().filter_map(|server| server.station)).next()
     }
 
     /// Sends one frame to every peer as a datagram. What does not fit is dropped and counted.
@@ -47,6 +56,9 @@ impl Air {
                     self.dropped += 1;
                 }
             }
+        }
+        for server in &mut self.servers {
+            self.dropped += server.send(frame);
         }
     }
 
@@ -64,12 +76,19 @@ impl Air {
                 }
             }
         }
+        for server in &mut self.servers {
+            server.listen(&mut take);
+        }
     }
+}
+
+fn failed(url: &LinkUrl, e: &std::io::Error) -> Failure {
+    Failure::Failed(format!("{url}: {e}"))
 }
 
 impl Link {
     fn open(url: &LinkUrl) -> Result<Self, Failure> {
-        let failed = |e: std::io::Error| Failure::Failed(format!("{url}: {e}"));
+        let failed = |e: std::io::Error| failed(url, &e);
         let (socket, peers, fixed) = match url {
             LinkUrl::UdpIn { host, port } => {
                 (UdpSocket::bind((host.as_str(), *port)).map_err(failed)?, Vec::new(), false)
@@ -82,7 +101,9 @@ impl Link {
                 (UdpSocket::bind(any).map_err(failed)?, vec![peer], true)
             }
             _ => {
-                return Err(Failure::Usage(format!("{url}: sim sends to udpin: and udpout: links; for files, --tlog")));
+                return Err(Failure::Usage(format!(
+                    "{url}: sim sends to udpin:, udpout: and tcpin: links; for files, --tlog"
+                )));
             }
         };
         socket.set_nonblocking(true).map_err(failed)?;

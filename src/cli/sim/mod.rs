@@ -4,6 +4,7 @@ mod air;
 mod files;
 mod lockstep;
 mod report;
+mod server;
 
 use super::Failure;
 use crate::config::LinkUrl;
@@ -47,7 +48,7 @@ pub struct SimArgs {
     /// Name the scenarios that come with the program
     #[arg(long)]
     pub list: bool,
-    /// Where to send: udpout:HOST:PORT, or udpin:HOST:PORT to wait for ground stations; repeatable
+    /// Where to send: udpout:HOST:PORT, or udpin:HOST:PORT or tcpin:HOST:PORT to wait for ground stations; repeatable
     #[arg(long = "link", value_name = "URL")]
     pub links: Vec<LinkUrl>,
     /// Record what the ground receives

@@ -106,13 +106,21 @@ impl Feed {
         if self.config.refuse_intervals {
             return Verdict::MAV_RESULT_UNSUPPORTED;
         }
-        let Some((index, stream)) = find(id as u32).and_then(|i| CATALOG.get(i).map(|s| (i, s))) else {
+        let stack = self.config.stack;
+        let known = find(id as u32).and_then(|i| CATALOG.get(i).map(|s| (i, s)));
+        let Some((index, stream)) = known.filter(|(_, s)| habit(stack, s) != Habit::Never) else {
+            if stack == Stack::ArduPilot {
+                self.say(&format!("No ap_message for mavlink id ({id})"));
+            }
             return Verdict::MAV_RESULT_DENIED;
         };
-        match habit(self.config.stack, stream) {
-            Habit::Never => return Verdict::MAV_RESULT_DENIED,
+        match habit(stack, stream) {
             Habit::Silent => {}
             Habit::Unasked(hz) if interval_us == 0.0 => self.schedule.set_hz(index, hz),
+            // ArduPilot's default is that of the message's group; what is in none has no default
+            _ if interval_us == 0.0 && stack == Stack::ArduPilot && stream.group.is_none() => {
+                return Verdict::MAV_RESULT_FAILED;
+            }
             // 0 asks for the default, which is silence; −1 stops
             _ if interval_us <= 0.0 => self.schedule.set_interval_us(index, 0),
             _ => self.schedule.set_interval_us(index, interval_us as u64),
@@ -120,17 +128,35 @@ impl Feed {
         Verdict::MAV_RESULT_ACCEPTED
     }
 
+    /// ArduPilot tells −1 of what it does not send now and 0 of what it does not have; PX4 tells 0 of both.
     fn tell_interval(&mut self, id: f32) -> Verdict {
-        let interval_us = match find(id as u32).map(|i| self.schedule.interval_us(i)) {
+        let stack = self.config.stack;
+        let known = find(id as u32).filter(|&i| CATALOG.get(i).is_some_and(|s| habit(stack, s) != Habit::Never));
+        let interval_us = match known.map(|i| self.schedule.interval_us(i)) {
             None => 0,
-            Some(0) => -1,
+            Some(0) if stack == Stack::ArduPilot => -1,
             Some(us) => i32::try_from(us).unwrap_or(i32::MAX),
         };
         let message = mav::MESSAGE_INTERVAL_DATA { message_id: id as u16, interval_us };
         if let Some(frame) = self.writer.put(&message) {
             self.answer(Answer::Ready(Box::new(frame)));
         }
-        Verdict::MAV_RESULT_ACCEPTED
+        match (known, stack) {
+            (None, Stack::ArduPilot) => Verdict::MAV_RESULT_FAILED,
+            _ => Verdict::MAV_RESULT_ACCEPTED,
+        }
+    }
+
+    /// A line on the ground station's console.
+    fn say(&mut self, text: &str) {
+        let message = mav::STATUSTEXT_DATA {
+            severity: mav::MavSeverity::MAV_SEVERITY_INFO,
+            text: text.into(),
+            ..Default::default()
+        };
+        if let Some(frame) = self.writer.put(&message) {
+            self.answer(Answer::Ready(Box::new(frame)));
+        }
     }
 
     fn request_message(&mut self, id: f32) -> Verdict {

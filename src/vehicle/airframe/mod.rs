@@ -5,7 +5,10 @@
 //! No parameter of either autopilot tells mass, inertia or absolute thrust: those are measured or identified.
 
 mod ardupilot;
+mod compare;
 mod px4;
+
+pub use compare::differences;
 
 use super::Spin;
 use nalgebra::Vector2;
@@ -96,11 +99,12 @@ pub fn from_parameters(autopilot: Autopilot, parameters: Lookup<'_>) -> Result<A
     }
 }
 
-/// The names of the parameters that [`from_parameters`] looks up, for whoever has to fetch them.
-pub fn parameter_names(autopilot: Autopilot) -> Vec<String> {
+/// The names of the parameters that [`from_parameters`] looks up, for whoever has to fetch them. PX4's depend on how
+/// many rotors there are: to be called again with what has become known.
+pub fn parameter_names(autopilot: Autopilot, parameters: Lookup<'_>) -> Vec<String> {
     match autopilot {
         Autopilot::ArduPilot => ardupilot::names(),
-        Autopilot::Px4 => px4::names(),
+        Autopilot::Px4 => px4::names(parameters),
     }
 }
 
@@ -134,7 +138,7 @@ impl<'a> Reader<'a> {
         match (self.found.is_empty(), self.assumed.is_empty()) {
             (false, true) => self.found.join(", "),
             (false, false) => format!("{}; {}", self.found.join(", "), defaults()),
-            (true, _) => format!("no parameter in the log: {}", defaults()),
+            (true, _) => format!("no parameter known: {}", defaults()),
         }
     }
 }
@@ -172,7 +176,7 @@ mod tests {
         assert_eq!(signs(|p| p.forward_right.y), [1.0, -1.0, -1.0, 1.0]);
         assert_eq!(signs(|p| p.spin.reaction_sign()), [1.0, 1.0, -1.0, -1.0]);
         assert_eq!(frame.curve, Curve { expo: 0.65, at_zero: 1150.0, at_full: 1950.0 });
-        assert!(frame.curve_origin.contains("no parameter in the log"), "{}", frame.curve_origin);
+        assert!(frame.curve_origin.contains("no parameter known"), "{}", frame.curve_origin);
     }
 
     #[test]

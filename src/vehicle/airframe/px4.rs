@@ -71,8 +71,9 @@ fn described(geometry: &mut Reader<'_>, count: usize) -> Result<(Vec<Place>, Opt
     Ok((places, Some(arm)))
 }
 
-pub(super) fn names() -> Vec<String> {
+pub(super) fn names(parameters: Lookup<'_>) -> Vec<String> {
     let fixed = ["CA_AIRFRAME", "CA_ROTOR_COUNT", "THR_MDL_FAC"].map(str::to_owned);
-    let rotors = (0..MAX_ROTORS).flat_map(|n| ["PX", "PY", "KM"].map(|field| format!("CA_ROTOR{n}_{field}")));
+    let count = parameters("CA_ROTOR_COUNT").map_or(0, |n| n as usize).min(MAX_ROTORS);
+    let rotors = (0..count).flat_map(|n| ["PX", "PY", "KM"].map(|field| format!("CA_ROTOR{n}_{field}")));
     fixed.into_iter().chain(rotors).collect()
 }

@@ -1,12 +1,17 @@
 //! From quantities per mass to a vehicle in kilograms and metres.
 
-use super::{Identified, levers};
+use super::drag::Form;
+use super::{Identified, TorqueFit, levers};
 use crate::signal::{MAX_ROTORS, RotorCommands};
 use crate::vehicle::{Air, Vehicle, presets, resolve};
 use nalgebra::Vector3;
 
 /// Inertia over mass × arm² of multirotors lies between about 0.06 and 0.32; this stands in where the arm is unknown.
 const USUAL_GYRATION: f64 = 0.2;
+/// The two ways to Izz are believed together where they differ by less than this part.
+const AGREE: f64 = 0.3;
+/// Damping counts where the rotation about yaw is explained to this part.
+const EXPLAINED: f64 = 0.9;
 
 /// Where the arm's length comes from.
 #[derive(Debug, Clone, PartialEq)]
@@ -58,7 +63,33 @@ impl Arm {
     pub fn inertia_per_mass_m2(&self, identified: &Identified) -> Option<[f64; 3]> {
         let torque = identified.torque.as_ref()?;
         let [roll, pitch] = [0, 1].map(|k| self.length_m / torque.axes[k].effectiveness.value);
-        Some([roll, pitch, 0.5 * self.flatness * (roll + pitch)])
+        let flat = 0.5 * self.flatness * (roll + pitch);
+        let yaw = match self.yaw_by_damping(identified, torque) {
+            Some(damped) => 0.5 * (flat + damped),
+            None => flat,
+        };
+        Some([roll, pitch, yaw])
+    }
+
+    /// Is Izz the mean of what a flat body has and of what the damping of yaw says?
+    pub fn yaw_is_damped(&self, identified: &Identified) -> bool {
+        identified.torque.as_ref().is_some_and(|torque| self.yaw_by_damping(identified, torque).is_some())
+    }
+
+    /// Izz over mass, m², from the drag of the rotors: against a turn at rate ω each is moved at ω times its distance
+    /// from the centre, and resists as it does against wind. So the damping of yaw is `Σ rotor drag·distance²/Izz`.
+    fn yaw_by_damping(&self, identified: &Identified, torque: &TorqueFit) -> Option<f64> {
+        let drag = identified.drag.as_ref().filter(|drag| drag.form == Form::Rotors)?;
+        let yaw = &torque.axes[2];
+        let places = &identified.airframe.places;
+        let mean_square = places.iter().map(|p| p.forward_right.norm_squared()).sum::<f64>() / places.len() as f64;
+        let rotor_drag = 0.5 * (drag.linear[0].value + drag.linear[1].value);
+        let inertia = rotor_drag * mean_square * self.length_m * self.length_m / yaw.damping.value;
+        let flat = 0.5
+            * self.flatness
+            * [0, 1].map(|k| self.length_m / torque.axes[k].effectiveness.value).iter().sum::<f64>();
+        let agree = (inertia / flat - 1.0).abs() < AGREE;
+        (yaw.explained >= EXPLAINED && agree).then_some(inertia)
     }
 }
 

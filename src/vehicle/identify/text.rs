@@ -59,7 +59,7 @@ fn write_file(out: &mut String, id: &Identified, basis: &Basis<'_>) -> fmt::Resu
     write_dynamics(out, id)?;
     write_drag(out, id, basis, mass)?;
     write_sensors(out, id)?;
-    write_envelope(out, id, mass)
+    write_envelope(out, id, basis, mass)
 }
 
 fn write_inertia(out: &mut String, id: &Identified, basis: &Basis<'_>, mass: f64) -> fmt::Result {
@@ -85,11 +85,12 @@ fn write_inertia(out: &mut String, id: &Identified, basis: &Basis<'_>, mass: f64
                 .torque
                 .as_ref()
                 .map_or(50.0, |t| percent(&t.axes[0].effectiveness).max(percent(&t.axes[1].effectiveness)));
-            writeln!(
-                out,
-                "# Izz is taken as {:.2} times the mean of the others: no flight of this kind shows it.",
-                arm.flatness
-            )?;
+            let flat = format!("{:.2} times the mean of the others", arm.flatness);
+            if arm.yaw_is_damped(id) {
+                writeln!(out, "# Izz is the mean of {flat} and of what the rotors' drag makes of the damping of yaw.")?;
+            } else {
+                writeln!(out, "# Izz is taken as {flat}: no flight of this kind shows it.")?;
+            }
             writeln!(out, "inertia_kgm2 = [{xx:.5}, {yy:.5}, {zz:.5}]")?;
             writeln!(out, "inertia_percent = {:.0}", f64::hypot(turn, share).min(90.0))
         }
@@ -240,13 +241,21 @@ fn write_sensors(out: &mut String, id: &Identified) -> fmt::Result {
     writeln!(out, "yaw_deg = {yaw}\ndensity_percent = 2")
 }
 
-/// From drag: the force of 15 m/s of wind, built up within two seconds; torque as for any vehicle of that weight.
-fn write_envelope(out: &mut String, id: &Identified, mass: f64) -> fmt::Result {
+/// How far off the centre the wind's force may act, in arms.
+const OFF_CENTRE: f64 = 0.05;
+
+/// From drag: the force of 15 m/s of wind, built up within two seconds, and the torque of that force a little off the
+/// centre, within one.
+fn write_envelope(out: &mut String, id: &Identified, basis: &Basis<'_>, mass: f64) -> fmt::Result {
     let Some(d) = &id.drag else { return Ok(()) };
     let across = [0, 1].map(|k| (d.linear[k].value * 15.0 + d.quadratic[k].value * 225.0) * mass);
     let least = 0.3 * mass * GRAVITY_MPS2;
     let force = [across[0].max(least), across[1].max(least), least.max(0.5 * across[0])];
     writeln!(out, "\n# The drag of 15 m/s of wind, reached within two seconds.\n[envelope]")?;
     writeln!(out, "force_n = [{:.1}, {:.1}, {:.1}]", force[0], force[1], force[2])?;
-    writeln!(out, "force_rate_nps = [{:.1}, {:.1}, {:.1}]", force[0] / 2.0, force[1] / 2.0, force[2] / 2.0)
+    writeln!(out, "force_rate_nps = [{:.1}, {:.1}, {:.1}]", force[0] / 2.0, force[1] / 2.0, force[2] / 2.0)?;
+    let torque = OFF_CENTRE * basis.arm.length_m * force[0].max(force[1]);
+    writeln!(out, "# That force, a twentieth of an arm off the centre, within one second.")?;
+    writeln!(out, "torque_nm = [{torque:.3}, {torque:.3}, {torque:.3}]")?;
+    writeln!(out, "torque_rate_nmps = [{torque:.3}, {torque:.3}, {torque:.3}]")
 }

@@ -13,7 +13,6 @@ pub use verify::{Refusal, Unsigned, Verifier};
 
 use super::checksum::checksum;
 use super::frame::{CHECKSUM, FrameBuf, FrameRef, HEADER_V2, SIGNATURE};
-use super::message_info;
 use mavlink_core::MavlinkVersion;
 
 /// The incompatibility flag that announces a signature.
@@ -96,23 +95,24 @@ impl Signer {
         self.last
     }
 
-    /// The frame with a signature. `None` where there can be none: MAVLink 1, a frame signed already, and a message whose
-    /// checksum cannot be made anew because no dialect here knows it.
+    /// The frame with a signature, in place of one made with another key. `None` where there can be none (MAVLink 1), and
+    /// where none is needed: it was signed with this key already.
     pub fn sign(&mut self, frame: FrameRef<'_>, unix_us: u64) -> Option<FrameBuf> {
-        if frame.version() != MavlinkVersion::V2 || frame.signature().is_some() {
+        if frame.version() != MavlinkVersion::V2 || self.signed(frame) {
             return None;
         }
-        let crc_extra = message_info(frame.message_id())?.crc_extra;
         // two frames must not share a time
         self.last = SignatureTime::from_unix_us(unix_us).max(self.last.next());
         let (time, link_id) = (self.last.bytes(), self.link_id);
-        let plain = frame.bytes();
+        let plain = covered(frame);
         Some(FrameBuf::build(MavlinkVersion::V2, |bytes| {
             let end = plain.len() - CHECKSUM;
             bytes[..end].copy_from_slice(&plain[..end]);
+            let change = flag_change(end - 1, bytes[2]).to_le_bytes();
             bytes[2] |= SIGNED;
-            let crc = checksum(&bytes[1..end], crc_extra).to_le_bytes();
-            bytes[end..end + CHECKSUM].copy_from_slice(&crc);
+            for ((to, was), change) in bytes[end..end + CHECKSUM].iter_mut().zip(&plain[end..]).zip(change) {
+                *to = was ^ change;
+            }
             let digest = self.key.digest(&bytes[..end + CHECKSUM], link_id, time);
             let signature = &mut bytes[end + CHECKSUM..end + CHECKSUM + SIGNATURE];
             signature[0] = link_id;
@@ -121,6 +121,24 @@ impl Signer {
             end + CHECKSUM + SIGNATURE
         }))
     }
+
+    /// Was it signed with this key?
+    fn signed(&self, frame: FrameRef<'_>) -> bool {
+        Signature::of(frame).is_some_and(|s| s.digest == self.key.digest(covered(frame), s.link_id, s.time.bytes()))
+    }
+}
+
+/// What the flag of a signature changes in the checksum of so many bytes, the first of which is the payload's length.
+///
+/// The checksum is affine in its bytes, so the change is the same whatever they are: messages that no dialect here knows
+/// can be signed too.
+fn flag_change(length: usize, flags: u8) -> u16 {
+    if flags & SIGNED != 0 {
+        return 0;
+    }
+    let (zeros, mut flag) = ([0; 280], [0; 280]);
+    flag[1] = SIGNED;
+    checksum(&flag[..length], 0) ^ checksum(&zeros[..length], 0)
 }
 
 /// The part of a signed frame that its signature covers.

@@ -164,6 +164,33 @@ mod tests {
         assert!(signer.sign(signed(NOW_US).as_ref(), NOW_US).is_none());
     }
 
+    #[test]
+    fn a_signature_of_another_key_is_replaced() {
+        let other = Key::from_passphrase("another secret");
+        let mut signer = Signer::new(other.clone(), 9, SignatureTime::default());
+        let frame = signer.sign(signed(NOW_US).as_ref(), NOW_US).unwrap();
+        assert_eq!(Signature::of(frame.as_ref()).map(|s| s.link_id), Some(9));
+        let mut theirs = Verifier::new(other, Unsigned::Refuse, SignatureTime::default());
+        assert_eq!(theirs.check(frame.as_ref(), NOW_US), Ok(()));
+        assert_eq!(verifier(Unsigned::Refuse).check(frame.as_ref(), NOW_US), Err(Refusal::WrongKey));
+    }
+
+    #[test]
+    fn the_checksum_of_a_signed_frame_is_right_and_so_is_that_of_an_unknown_message() {
+        let mut signer = Signer::new(key(), 0, SignatureTime::default());
+        let known = signer.sign(Encoder::new(1, 1).encode(&HEARTBEAT_DATA::default()).as_ref(), NOW_US).unwrap();
+        assert_eq!(known.as_ref().check(), crate::wire::Check::Verified);
+        // message 0xAAAAAA, whose seed here is 77
+        let mut bytes = vec![0xFD, 3, 0, 0, 5, 1, 1, 0xAA, 0xAA, 0xAA, 7, 8, 9];
+        let checksum = |bytes: &[u8]| mavlink_core::calculate_crc(&bytes[1..13], 77).to_le_bytes();
+        bytes.extend(checksum(&bytes));
+        let mut parser = Parser::new();
+        parser.push(&bytes);
+        let Some(Event::Frame(unknown)) = parser.next() else { panic!("no frame") };
+        let sealed = signer.sign(unknown, NOW_US).unwrap();
+        assert_eq!(sealed.bytes()[13..15], checksum(sealed.bytes()));
+    }
+
     proptest! {
         #[test]
         fn any_changed_bit_is_noticed(bit in 0usize..(30 * 8)) {

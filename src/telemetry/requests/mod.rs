@@ -4,16 +4,33 @@
 //! reboot and slows down when the link is full. So nothing is believed but the measured rate:
 //!
 //! 1. A channel that already arrives fast enough is left alone.
-//! 2. Otherwise its messages are asked for, best first, with MAV_CMD_SET_MESSAGE_INTERVAL. The answer names only the
-//!    command, not the message, so one command is open at a time. It is repeated, later each time, when no answer comes.
+//! 2. Otherwise its messages are asked for, best first. Before the first request for a message its interval is asked
+//!    for with MAV_CMD_GET_MESSAGE_INTERVAL, so that it can be [given back](StreamRequester::restore) on leaving, and so
+//!    that ArduPilot is never asked for what it does not have: it answers such a request on its console. Then comes
+//!    MAV_CMD_SET_MESSAGE_INTERVAL. The answers name only the command, not the message, so one command is open at a time.
+//!    It is repeated, later each time, when no answer comes.
 //! 3. What is refused, or granted and still silent, is asked for as the next best message, at last as a whole group
 //!    with REQUEST_DATA_STREAM, which autopilots obey without an answer.
 //! 4. What stays unmet is reported once, and asked for again at growing intervals. What stops coming is asked for again.
+//! 5. Where several granted messages come slower than asked, the link is full: all fast ones are asked for at the rate
+//!    that it carries (see `pace`), and faster again from time to time.
 //!
 //! Time is passed in as milliseconds of any steady clock. Nothing is sent from here.
 
+mod carriers;
+mod decision;
+mod notice;
+mod pace;
+mod rate;
+
+pub use carriers::carried_by;
+pub use decision::Decision;
+pub use notice::{Cause, Notice};
+
 use crate::signal::Channel;
-use std::fmt;
+use carriers::{Subject, carriers};
+use pace::Pace;
+use rate::RateMeter;
 
 /// Nothing is judged in this first time, so that running streams are seen before any is asked for.
 const LOOK_FIRST_MS: u64 = 3_500;
@@ -34,7 +51,7 @@ const LONGEST_REST_MS: u64 = 300_000;
 /// A channel that was met for this long starts over with short rests.
 const FORGIVEN_MS: u64 = 60_000;
 /// Parts of the wanted rate: below `GOOD` ask; below `ENOUGH` after asking report; below `LOST` later, ask again.
-const GOOD: f64 = 0.8;
+const GOOD: f64 = 0.9;
 const ENOUGH: f64 = 0.5;
 const LOST: f64 = 0.4;
 
@@ -61,13 +78,17 @@ impl Autopilot {
 /// One thing to ask a vehicle for.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Request {
+    /// COMMAND_LONG with MAV_CMD_GET_MESSAGE_INTERVAL (510): param1 the message.
+    TellInterval { message_id: u32 },
     /// COMMAND_LONG with MAV_CMD_SET_MESSAGE_INTERVAL (511): param1 the message, param2 the interval in µs.
     MessageInterval { message_id: u32, interval_us: f32 },
     /// REQUEST_DATA_STREAM (66): a MAV_DATA_STREAM at a rate in Hz.
     DataStream { stream_id: u8, rate_hz: u16 },
 }
 
-/// MAV_CMD_SET_MESSAGE_INTERVAL: the command whose COMMAND_ACK belongs to [`StreamRequester::command_ack`].
+/// MAV_CMD_GET_MESSAGE_INTERVAL and MAV_CMD_SET_MESSAGE_INTERVAL: the commands whose COMMAND_ACK belongs to
+/// [`StreamRequester::command_ack`].
+pub const GET_MESSAGE_INTERVAL: u16 = 510;
 pub const SET_MESSAGE_INTERVAL: u16 = 511;
 const PARAM_VALUE: u32 = 22;
 
@@ -101,108 +122,6 @@ impl Need {
     }
 }
 
-/// Why a channel does not arrive as wanted.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Cause {
-    /// The autopilot refused every message that carries it.
-    Refused,
-    /// No command was answered.
-    Unanswered,
-    /// At least one message was granted, none came.
-    Silent,
-    /// It was granted and comes, but too slowly: the autopilot, or the link, is at its limit.
-    Slow,
-}
-
-/// What is reported, once for each change.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub enum Notice {
-    Unmet { channel: Channel, wanted_hz: f64, measured_hz: f64, cause: Cause },
-    Met { channel: Channel, measured_hz: f64 },
-}
-
-impl fmt::Display for Notice {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match *self {
-            Self::Met { channel, measured_hz } => write!(f, "{channel} arrives at {measured_hz:.1} Hz"),
-            Self::Unmet { channel, wanted_hz, measured_hz, cause } => {
-                write!(f, "{channel} arrives at {measured_hz:.1} Hz, {wanted_hz:.0} Hz are wanted: ")?;
-                f.write_str(match cause {
-                    Cause::Refused => "the autopilot refused the request",
-                    Cause::Unanswered => {
-                        "the autopilot does not answer requests (does the link carry both directions?)"
-                    }
-                    Cause::Silent => "the autopilot granted the request but sends nothing",
-                    Cause::Slow => "the autopilot or the link gives no more",
-                })
-            }
-        }
-    }
-}
-
-/// What is wanted: a channel of the observers, or the landed state, which is welcome but never missed.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-enum Subject {
-    Channel(Channel),
-    LandedState,
-}
-
-/// A message that can carry a subject, and its MAV_DATA_STREAM (0: none).
-#[derive(Debug, Clone, Copy)]
-struct Carrier {
-    message_id: u32,
-    group: u8,
-}
-
-const fn carrier(message_id: u32, group: u8) -> Carrier {
-    Carrier { message_id, group }
-}
-
-const SYS_STATUS: Carrier = carrier(1, 2);
-const GPS_RAW_INT: Carrier = carrier(24, 2);
-const SCALED_IMU: Carrier = carrier(26, 1);
-const RAW_IMU: Carrier = carrier(27, 1);
-const SCALED_PRESSURE: Carrier = carrier(29, 1);
-const ATTITUDE: Carrier = carrier(30, 10);
-const ATTITUDE_QUATERNION: Carrier = carrier(31, 0);
-const LOCAL_POSITION_NED: Carrier = carrier(32, 6);
-const GLOBAL_POSITION_INT: Carrier = carrier(33, 6);
-const SERVO_OUTPUT_RAW: Carrier = carrier(36, 3);
-const HIGHRES_IMU: Carrier = carrier(105, 0);
-const BATTERY_STATUS: Carrier = carrier(147, 12);
-const EXTENDED_SYS_STATE: Carrier = carrier(245, 0);
-const ESC_STATUS: Carrier = carrier(291, 0);
-const ODOMETRY: Carrier = carrier(331, 0);
-const ACTUATOR_OUTPUT_STATUS: Carrier = carrier(375, 0);
-const ESC_TELEMETRY_1_TO_4: Carrier = carrier(11030, 12);
-
-/// The messages that carry a subject, best first.
-fn carriers(autopilot: Autopilot, subject: Subject) -> &'static [Carrier] {
-    let Subject::Channel(channel) = subject else { return &[EXTENDED_SYS_STATE] };
-    match (channel, autopilot) {
-        (Channel::Imu, Autopilot::Px4) => &[HIGHRES_IMU, SCALED_IMU],
-        (Channel::Imu, _) => &[HIGHRES_IMU, RAW_IMU, SCALED_IMU],
-        (Channel::Attitude, _) => &[ATTITUDE_QUATERNION, ATTITUDE],
-        (Channel::Velocity, Autopilot::Px4) => &[LOCAL_POSITION_NED, ODOMETRY],
-        (Channel::Velocity, _) => &[LOCAL_POSITION_NED, GLOBAL_POSITION_INT],
-        (Channel::Actuators, Autopilot::Px4) => &[ACTUATOR_OUTPUT_STATUS, SERVO_OUTPUT_RAW],
-        (Channel::Actuators, _) => &[SERVO_OUTPUT_RAW],
-        (Channel::Magnetometer, Autopilot::Px4) => &[HIGHRES_IMU],
-        (Channel::Magnetometer, _) => &[RAW_IMU],
-        (Channel::Gnss, _) => &[GPS_RAW_INT],
-        (Channel::Rpm, Autopilot::Px4) => &[ESC_STATUS],
-        (Channel::Rpm, _) => &[ESC_TELEMETRY_1_TO_4],
-        (Channel::Battery, _) => &[BATTERY_STATUS, SYS_STATUS],
-        (Channel::Pressure, Autopilot::Px4) => &[HIGHRES_IMU, SCALED_PRESSURE],
-        (Channel::Pressure, _) => &[SCALED_PRESSURE],
-    }
-}
-
-/// The messages that carry a channel of this autopilot, best first.
-pub fn carried_by(autopilot: Autopilot, channel: Channel) -> impl Iterator<Item = u32> {
-    carriers(autopilot, Subject::Channel(channel)).iter().map(|carrier| carrier.message_id)
-}
-
 /// What became of the last request for a message or group.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Asked {
@@ -225,12 +144,58 @@ enum Asked {
 
 const NOT_ASKED: Asked = Asked::No { attempts: 0, not_before_ms: 0 };
 
+/// What is known of a message's interval before the first request of ours.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Before {
+    NotAsked,
+    /// The one open command.
+    Open {
+        since_ms: u64,
+    },
+    /// The vehicle does not say; whether the message came all the same.
+    Untold {
+        came: bool,
+    },
+    /// In the words of MESSAGE_INTERVAL.
+    Told {
+        interval_us: i32,
+    },
+}
+
 /// One message or group that may be asked for.
 #[derive(Debug)]
 struct Stream {
     request: Target,
     asked: Asked,
+    before: Before,
+    /// The rate of the last request that the vehicle may have obeyed, Hz; 0 where there is none.
+    asked_hz: f64,
+    /// It is to be asked for once more, at another pace.
+    again: bool,
     rate: RateMeter,
+}
+
+impl Stream {
+    fn new(request: Target, now_ms: u64) -> Self {
+        let (asked, before, rate) = (NOT_ASKED, Before::NotAsked, RateMeter::new(now_ms));
+        Self { request, asked, before, asked_hz: 0.0, again: false, rate }
+    }
+
+    /// Was it asked for so lately that its rate says nothing yet?
+    fn unsettled(&self, now_ms: u64) -> bool {
+        match self.asked {
+            Asked::Open { .. } => true,
+            Asked::Granted { at_ms } => self.again || now_ms.saturating_sub(at_ms) < SETTLE_MS,
+            _ => matches!(self.before, Before::Open { .. }),
+        }
+    }
+
+    /// The vehicle does not say at which interval it sends this.
+    fn untold(&mut self, now_ms: u64) {
+        if let Before::Open { .. } = self.before {
+            self.before = Before::Untold { came: self.rate.hz(now_ms) > 0.0 };
+        }
+    }
 }
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -268,8 +233,10 @@ enum WantState {
 /// Asks one vehicle for message streams. See the [module](self).
 #[derive(Debug)]
 pub struct StreamRequester {
+    autopilot: Autopilot,
     streams: Vec<Stream>,
     wants: Vec<Want>,
+    pace: Pace,
     judge_from_ms: u64,
     heard_ms: u64,
     parameter_ms: Option<u64>,
@@ -281,8 +248,10 @@ impl StreamRequester {
     /// most urgent of them.
     pub fn new(autopilot: Autopilot, needs: &[Need], now_ms: u64) -> Self {
         let mut requester = Self {
+            autopilot,
             streams: Vec::new(),
             wants: Vec::new(),
+            pace: Pace::default(),
             judge_from_ms: now_ms + LOOK_FIRST_MS,
             heard_ms: now_ms,
             parameter_ms: None,
@@ -321,7 +290,7 @@ impl StreamRequester {
 
     fn stream(&mut self, request: Target, now_ms: u64) -> usize {
         self.streams.iter().position(|s| s.request == request).unwrap_or_else(|| {
-            self.streams.push(Stream { request, asked: NOT_ASKED, rate: RateMeter::new(now_ms) });
+            self.streams.push(Stream::new(request, now_ms));
             self.streams.len() - 1
         })
     }
@@ -344,11 +313,18 @@ impl StreamRequester {
         }
     }
 
-    /// The vehicle answered a SET_MESSAGE_INTERVAL of ours with this MAV_RESULT.
-    pub fn command_ack(&mut self, result: u8, now_ms: u64) {
+    /// The vehicle answered a command of ours, [`GET_MESSAGE_INTERVAL`] or [`SET_MESSAGE_INTERVAL`], with this MAV_RESULT.
+    pub fn command_ack(&mut self, command: u16, result: u8, now_ms: u64) {
         const ACCEPTED: u8 = 0;
         const TEMPORARILY_REJECTED: u8 = 1;
         const IN_PROGRESS: u8 = 5;
+        if command == GET_MESSAGE_INTERVAL {
+            // granted, it is told in a message of its own
+            if result != ACCEPTED {
+                self.streams.iter_mut().for_each(|stream| stream.untold(now_ms));
+            }
+            return;
+        }
         for stream in &mut self.streams {
             let Asked::Open { attempt, .. } = stream.asked else { continue };
             stream.asked = match result {
@@ -359,14 +335,54 @@ impl StreamRequester {
                 }
                 _ => Asked::Refused,
             };
+            if stream.asked == Asked::Refused {
+                stream.asked_hz = 0.0;
+            }
         }
     }
 
-    /// The messages whose interval the vehicle granted us: what has to be given back on leaving.
-    pub fn granted(&self) -> impl Iterator<Item = u32> + '_ {
-        self.streams.iter().filter_map(|s| match (s.request, s.asked) {
-            (Target::Message(id), Asked::Granted { .. }) => Some(id),
-            _ => None,
+    /// MESSAGE_INTERVAL: the vehicle tells at which interval it sends a message; −1 is not at all, 0 that it has none.
+    pub fn interval_told(&mut self, message_id: u32, interval_us: i32) {
+        // PX4 tells 0 of every message that it does not send now
+        let has_none = interval_us == 0 && self.autopilot == Autopilot::ArduPilot;
+        for stream in &mut self.streams {
+            if stream.request == Target::Message(message_id) && matches!(stream.before, Before::Open { .. }) {
+                stream.before = Before::Told { interval_us };
+                if has_none {
+                    stream.asked = Asked::Refused;
+                }
+            }
+        }
+    }
+
+    /// What puts everything back that was asked for, to be sent on leaving.
+    ///
+    /// What the vehicle told of a message's interval comes back; where it told nothing, the default, or silence where
+    /// the message was silent before.
+    pub fn restore(&self) -> impl Iterator<Item = Request> + '_ {
+        const STOP: f32 = -1.0;
+        const DEFAULT: f32 = 0.0;
+        self.streams.iter().filter(|s| s.asked_hz > 0.0).map(|stream| {
+            let px4 = self.autopilot == Autopilot::Px4;
+            match stream.request {
+                Target::Message(message_id) => {
+                    let interval_us = match stream.before {
+                        Before::Told { interval_us } if interval_us > 0 => interval_us as f32,
+                        // PX4's −1 is a message sent at every update, which its commands cannot say
+                        Before::Told { interval_us } if px4 && interval_us < 0 => DEFAULT,
+                        Before::Told { .. } | Before::Untold { came: false } => STOP,
+                        Before::Untold { came: true } | Before::NotAsked | Before::Open { .. } => DEFAULT,
+                    };
+                    Request::MessageInterval { message_id, interval_us }
+                }
+                Target::Group(stream_id) => {
+                    let rate_hz = match stream.before {
+                        Before::Told { interval_us } if interval_us > 0 => (1e6 / f64::from(interval_us)).round(),
+                        _ => 0.0,
+                    };
+                    Request::DataStream { stream_id, rate_hz: rate_hz as u16 }
+                }
+            }
         })
     }
 
@@ -374,9 +390,10 @@ impl StreamRequester {
     pub fn rebooted(&mut self, now_ms: u64) {
         self.judge_from_ms = now_ms + LOOK_FIRST_MS;
         self.parameter_ms = None;
+        self.pace = Pace::default();
         for stream in &mut self.streams {
-            stream.asked = NOT_ASKED;
-            stream.rate = RateMeter::new(now_ms);
+            let request = stream.request;
+            *stream = Stream::new(request, now_ms);
         }
         for want in &mut self.wants {
             want.state = WantState::Asking;
@@ -397,10 +414,15 @@ impl StreamRequester {
             return None;
         }
         let open = self.expire_open(now_ms);
+        self.keep_pace(now_ms, notice);
         let may_send = !open && self.last_command_ms.is_none_or(|last| now_ms.saturating_sub(last) >= COMMAND_GAP_MS);
         let mut request = None;
+        if may_send && let Some(stream) = self.streams.iter().position(|stream| stream.again) {
+            request = Some(self.ask(stream, now_ms));
+        }
+        let unsettled = self.streams.iter().any(|s| s.unsettled(now_ms));
         for index in 0..self.wants.len() {
-            let wish = self.judge(index, now_ms, notice);
+            let wish = self.judge(index, unsettled, now_ms, notice);
             if let (Some(stream), true, None) = (wish, may_send, request) {
                 request = Some(self.ask(stream, now_ms));
             }
@@ -412,6 +434,13 @@ impl StreamRequester {
     fn expire_open(&mut self, now_ms: u64) -> bool {
         let mut open = false;
         for stream in &mut self.streams {
+            if let Before::Open { since_ms } = stream.before {
+                if now_ms.saturating_sub(since_ms) < ANSWER_MS {
+                    open = true;
+                } else {
+                    stream.untold(now_ms);
+                }
+            }
             if let Asked::Open { since_ms, attempt } = stream.asked {
                 let patience = ANSWER_MS << (attempt - 1).min(8);
                 if now_ms.saturating_sub(since_ms) < patience {
@@ -427,12 +456,13 @@ impl StreamRequester {
     }
 
     /// Moves one want on; returns the stream that it would like to ask for now.
-    fn judge(&mut self, index: usize, now_ms: u64, notice: &mut dyn FnMut(Notice)) -> Option<usize> {
+    fn judge(&mut self, index: usize, unsettled: bool, now_ms: u64, notice: &mut dyn FnMut(Notice)) -> Option<usize> {
         let measured_hz = self.measured_hz(index, now_ms);
         let want = &mut self.wants[index];
+        let wanted_hz = self.pace.of(want.rate_hz);
         match want.state {
             WantState::Met { since_ms } => {
-                if measured_hz >= LOST * want.rate_hz {
+                if measured_hz >= LOST * wanted_hz {
                     if now_ms.saturating_sub(since_ms) > FORGIVEN_MS {
                         want.rest_ms = FIRST_REST_MS;
                     }
@@ -444,7 +474,7 @@ impl StreamRequester {
                 return None;
             }
             WantState::Resting { until_ms } => {
-                if measured_hz < GOOD * want.rate_hz {
+                if measured_hz < GOOD * wanted_hz {
                     if now_ms >= until_ms {
                         want.rest_ms = (want.rest_ms * 2).min(LONGEST_REST_MS);
                         want.state = WantState::Asking;
@@ -459,7 +489,7 @@ impl StreamRequester {
             }
             WantState::Asking => {}
         }
-        if measured_hz >= GOOD * want.rate_hz {
+        if measured_hz >= GOOD * wanted_hz {
             self.settle(index, measured_hz, now_ms, notice);
             return None;
         }
@@ -479,6 +509,10 @@ impl StreamRequester {
                         // a group is obeyed without an answer: what it brings shows in the messages' rates
                         Target::Group(_) => measured_hz > 0.0,
                     };
+                    if arrives && unsettled {
+                        // several slow ones together are the link's doing: see `keep_pace`
+                        return None;
+                    }
                     if arrives {
                         break;
                     }
@@ -487,7 +521,7 @@ impl StreamRequester {
                 Asked::Unanswered => {}
             }
         }
-        if measured_hz >= ENOUGH * self.wants[index].rate_hz {
+        if measured_hz >= ENOUGH * wanted_hz {
             self.settle(index, measured_hz, now_ms, notice);
             return None;
         }
@@ -518,19 +552,68 @@ impl StreamRequester {
     fn ask(&mut self, stream: usize, now_ms: u64) -> Request {
         // messages serve several channels: ask at the rate of the most demanding
         let wanting = self.wants.iter().filter(|w| w.streams.contains(&stream));
-        let rate_hz = wanting.map(|w| w.rate_hz).fold(1.0, f64::max);
-        let stream = &mut self.streams[stream];
+        let rate_hz = self.pace.of(wanting.map(|w| w.rate_hz).fold(1.0, f64::max));
         self.last_command_ms = Some(now_ms);
+        let index = stream;
+        let stream = &mut self.streams[index];
         match stream.request {
+            // the question for the interval has room for 16 bits
+            Target::Message(message_id) if stream.before == Before::NotAsked && message_id <= u16::MAX.into() => {
+                stream.before = Before::Open { since_ms: now_ms };
+                Request::TellInterval { message_id }
+            }
             Target::Message(message_id) => {
                 let attempts = if let Asked::No { attempts, .. } = stream.asked { attempts } else { 0 };
                 stream.asked = Asked::Open { since_ms: now_ms, attempt: attempts + 1 };
+                (stream.asked_hz, stream.again) = (rate_hz, false);
                 Request::MessageInterval { message_id, interval_us: (1e6 / rate_hz).round() as f32 }
             }
             Target::Group(stream_id) => {
+                if stream.before == Before::NotAsked {
+                    let came_hz = self.group_hz(stream_id, now_ms);
+                    let interval_us = if came_hz > 0.0 { (1e6 / came_hz) as i32 } else { -1 };
+                    self.streams[index].before = Before::Told { interval_us };
+                }
+                let stream = &mut self.streams[index];
                 stream.asked = Asked::Granted { at_ms: now_ms };
+                (stream.asked_hz, stream.again) = (rate_hz, false);
                 Request::DataStream { stream_id, rate_hz: rate_hz.ceil() as u16 }
             }
+        }
+    }
+
+    /// The rate of the fastest message of a group that is looked at, Hz.
+    fn group_hz(&mut self, group: u8, now_ms: u64) -> f64 {
+        let members = self.streams.iter_mut().filter(|s| match s.request {
+            Target::Message(id) => carriers::group_of(id) == Some(group),
+            Target::Group(_) => false,
+        });
+        members.map(|s| s.rate.hz(now_ms)).fold(0.0, f64::max)
+    }
+
+    /// Slows all fast messages down to what the link carries, and tries more of it later.
+    fn keep_pace(&mut self, now_ms: u64, notice: &mut dyn FnMut(Notice)) {
+        if self.streams.iter().any(|s| s.unsettled(now_ms)) {
+            return;
+        }
+        let mut observed = pace::Observed::default();
+        for stream in &mut self.streams {
+            if let (Target::Message(_), Asked::Granted { .. }) = (stream.request, stream.asked) {
+                observed.add(stream.asked_hz, stream.rate.hz(now_ms));
+            }
+        }
+        let before = self.pace.factor();
+        if !self.pace.adapt(&observed, now_ms) {
+            return;
+        }
+        for stream in &mut self.streams {
+            let granted = matches!((stream.request, stream.asked), (Target::Message(_), Asked::Granted { .. }));
+            stream.again = granted && pace::is_fast(stream.asked_hz);
+        }
+        if self.pace.factor() < before {
+            let fastest_hz = self.wants.iter().map(|w| w.rate_hz).fold(0.0, f64::max);
+            let asked_hz = self.pace.of(fastest_hz);
+            notice(Notice::Slowed { wanted_hz: fastest_hz, asked_hz });
         }
     }
 
@@ -541,49 +624,6 @@ impl StreamRequester {
             fastest = fastest.max(self.streams[stream].rate.hz(now_ms));
         }
         fastest
-    }
-}
-
-/// Arrivals per second over the last whole slots.
-#[derive(Debug)]
-struct RateMeter {
-    started_ms: u64,
-    /// Slot in which `counts[0]` was counted.
-    slot: u64,
-    /// Newest first; `[0]` is still filling.
-    counts: [u32; Self::SLOTS + 1],
-}
-
-impl RateMeter {
-    const SLOTS: usize = 10;
-    const SLOT_MS: u64 = 500;
-
-    fn new(now_ms: u64) -> Self {
-        Self { started_ms: now_ms, slot: now_ms / Self::SLOT_MS, counts: [0; Self::SLOTS + 1] }
-    }
-
-    fn advance(&mut self, now_ms: u64) {
-        let slot = now_ms / Self::SLOT_MS;
-        let length = self.counts.len();
-        let moved = usize::try_from(slot.saturating_sub(self.slot)).unwrap_or(length).min(length);
-        self.counts.rotate_right(moved % length);
-        self.counts[..moved].fill(0);
-        self.slot = self.slot.max(slot);
-    }
-
-    fn count(&mut self, now_ms: u64) {
-        self.advance(now_ms);
-        self.counts[0] = self.counts[0].saturating_add(1);
-    }
-
-    fn hz(&mut self, now_ms: u64) -> f64 {
-        self.advance(now_ms);
-        let age_ms = now_ms.saturating_sub(self.started_ms);
-        let whole = (self.slot * Self::SLOT_MS).saturating_sub(self.started_ms).min(Self::SLOTS as u64 * Self::SLOT_MS);
-        if whole == 0 || age_ms < Self::SLOT_MS {
-            return 0.0;
-        }
-        f64::from(self.counts[1..].iter().sum::<u32>()) * 1e3 / whole as f64
     }
 }
 
