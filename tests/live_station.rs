@@ -1,5 +1,8 @@
 //! What a ground station may ask of the daemon, and what the daemon leaves behind.
 
+// GET_MESSAGE_INTERVAL is superseded, and what autopilots answer.
+#![allow(deprecated)]
+
 mod live_support;
 
 use live_support::*;

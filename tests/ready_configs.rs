@@ -54,12 +54,12 @@ impl Running {
             .spawn()
             .expect("starts");
         let lines = BufReader::new(child.stderr.take().expect("piped")).lines();
-        let (ready, is_ready) = std::sync::mpsc::channel();
+        let (ready, is_ready) = std::sync::mpsc::sync_channel(1);
         let log = std::thread::spawn(move || {
             let mut all = Vec::new();
             for line in lines.map_while(Result::ok) {
                 if line.contains("running;") {
-                    let _ = ready.send(());
+                    let _ = ready.try_send(());
                 }
                 all.push(line);
             }
@@ -110,9 +110,15 @@ fn from_the_east(report: &Value) {
     assert!(wind[0].abs() < 0.5 && (wind[1] + 4.0).abs() < 0.5, "{wind:?}");
 }
 
+/// Nothing is amiss once all streams have been asked for: links that are not there yet are told, and observers that wait
+/// for a stream which is asked for after the others.
 fn no_warnings(log: &[String]) {
-    let warnings: Vec<_> = log.iter().filter(|line| line.contains("WARN") || line.contains("ERROR")).collect();
+    let starting = |line: &&String| line.contains("trying again") || line.contains("is starved of");
+    let warnings = log.iter().filter(|line| line.contains("WARN") || line.contains("ERROR"));
+    let warnings: Vec<_> = warnings.filter(|line| !starting(line)).collect();
     assert!(warnings.is_empty(), "{warnings:#?}");
+    let place = |text: &str| log.iter().rposition(|line| line.contains(text));
+    assert!(place("estimating wrench and wind") > place("is starved of"), "{log:#?}");
 }
 
 #[tokio::test]
@@ -129,7 +135,7 @@ async fn ardupilots_simulator() {
     ended(simulator(folder.path(), SILENT, &format!("tcpin:127.0.0.1:{tcp}"), 34)).await;
     let (report, log) = running.stop();
     from_the_east(&report);
-    assert!(report["observers"].as_array().is_some_and(|o| o.len() >= 4), "{report:#}");
+    assert!(report["observers"].as_array().is_some_and(|o| o.len() >= 3), "{report:#}");
     no_warnings(&log);
 }
 

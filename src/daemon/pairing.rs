@@ -278,7 +278,7 @@ mod tests {
     #[test]
     fn silence_ends_the_asking() {
         let (asked, finding, firmware) = paired(3, "arducopter-sitl", false, &[]);
-        assert_eq!((asked.len(), finding), (3, Finding::Untold));
+        assert_eq!((asked.len(), finding), (8, Finding::Untold));
         assert_eq!(firmware, "ArduPilot, version not told");
         let (asked, finding, _) = paired(4, "arducopter-sitl", true, &[]);
         assert_eq!((asked.len(), finding), (0, Finding::Unread));

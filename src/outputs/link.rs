@@ -1,4 +1,6 @@
-use super::common::{SCALARS, bound_arrays, debug_vect, fault_mask, heartbeat, named_value, wind, wind_cov, wrench_array};
+use super::common::{
+    SCALARS, bound_arrays, debug_vect, fault_mask, heartbeat, named_value, wind, wind_cov, wrench_array,
+};
 use super::limiter::Limiter;
 use super::own::{ObserverCounts, fault_status, observer_status, state_bounds, wind_estimate, wrench_estimate};
 use super::text::status_text;

@@ -7,8 +7,9 @@
 //! sent here.
 
 const ANSWER_MS: u64 = 500;
-/// Requests for one parameter in a row.
+/// Requests for one parameter in a row, and for the first while nothing was ever answered.
 const ATTEMPTS: u32 = 3;
+const FIRST_ATTEMPTS: u32 = 8;
 const ROUNDS: u32 = 3;
 
 /// Reads a list of parameters, one by one. See the [module](self).
@@ -63,11 +64,11 @@ impl ParameterReader {
             }
             match self.sent_ms {
                 Some(sent) if now_ms.saturating_sub(sent) < ANSWER_MS => return None,
-                Some(_) if self.attempt >= ATTEMPTS && !self.any_answer => {
+                Some(_) if self.attempt >= FIRST_ATTEMPTS && !self.any_answer => {
                     self.at = self.names.len();
                     return None;
                 }
-                Some(_) if self.attempt >= ATTEMPTS => self.next(),
+                Some(_) if self.attempt >= ATTEMPTS && self.any_answer => self.next(),
                 _ => {
                     self.attempt += 1;
                     self.sent_ms = Some(now_ms);
@@ -83,7 +84,8 @@ impl ParameterReader {
 
     /// Is nothing left to ask?
     pub fn finished(&self) -> bool {
-        self.at >= self.names.len() && (!self.any_answer || self.round + 1 >= ROUNDS || !self.known.contains(&false))
+        let all_known = !self.known.contains(&false);
+        all_known || (self.at >= self.names.len() && (!self.any_answer || self.round + 1 >= ROUNDS))
     }
 
     /// How many parameters are known, and of how many.
@@ -129,7 +131,7 @@ mod tests {
 
     #[test]
     fn a_vehicle_that_answers_nothing_is_left_alone() {
-        assert_eq!(asked(reader(), |_, _| false), ["A", "A", "A"]);
+        assert_eq!(asked(reader(), |_, _| false), ["A"; 8]);
     }
 
     #[test]

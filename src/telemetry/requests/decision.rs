@@ -40,7 +40,7 @@ impl StreamRequester {
         }
         let course = if steps.is_empty() { "not asked for yet".to_owned() } else { steps.join("; ") };
         let channel = if let Subject::Channel(channel) = subject { Some(channel) } else { None };
-        let enough = optional || measured_hz >= super::GOOD * wanted_hz;
+        let enough = optional || super::is_good(measured_hz, wanted_hz);
         Decision { channel, wanted_hz, measured_hz, enough, course }
     }
 }
@@ -65,6 +65,7 @@ impl Stream {
             Asked::Granted { .. } if comes => format!("{name} granted at {asked_hz:.1} Hz{before}"),
             Asked::Granted { .. } => format!("{name} granted at {asked_hz:.1} Hz{before}, silent"),
             Asked::Refused => format!("{name} refused"),
+            Asked::Unanswered if comes => format!("{name} asked for at {asked_hz:.1} Hz, comes without an answer"),
             Asked::Unanswered => format!("{name} not answered"),
         })
     }

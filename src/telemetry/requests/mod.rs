@@ -54,6 +54,8 @@ const FORGIVEN_MS: u64 = 60_000;
 const GOOD: f64 = 0.9;
 const ENOUGH: f64 = 0.5;
 const LOST: f64 = 0.4;
+/// A frame more or less within the time over which rates are measured, Hz.
+const FRAME_HZ: f64 = 0.25;
 
 /// HEARTBEAT's `autopilot` field, as far as it changes what is asked for.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -181,6 +183,11 @@ impl Stream {
         Self { request, asked, before, asked_hz: 0.0, again: false, rate }
     }
 
+    /// Is it a message that was granted, as far as we know?
+    fn runs(&self) -> bool {
+        matches!((self.request, self.asked), (Target::Message(_), Asked::Granted { .. } | Asked::Unanswered))
+    }
+
     /// Was it asked for so lately that its rate says nothing yet?
     fn unsettled(&self, now_ms: u64) -> bool {
         match self.asked {
@@ -228,6 +235,10 @@ enum WantState {
     Resting {
         until_ms: u64,
     },
+}
+
+fn is_good(measured_hz: f64, wanted_hz: f64) -> bool {
+    measured_hz + FRAME_HZ >= GOOD * wanted_hz
 }
 
 /// Asks one vehicle for message streams. See the [module](self).
@@ -474,7 +485,7 @@ impl StreamRequester {
                 return None;
             }
             WantState::Resting { until_ms } => {
-                if measured_hz < GOOD * wanted_hz {
+                if !is_good(measured_hz, wanted_hz) {
                     if now_ms >= until_ms {
                         want.rest_ms = (want.rest_ms * 2).min(LONGEST_REST_MS);
                         want.state = WantState::Asking;
@@ -489,22 +500,31 @@ impl StreamRequester {
             }
             WantState::Asking => {}
         }
-        if measured_hz >= GOOD * wanted_hz {
+        if is_good(measured_hz, wanted_hz) {
             self.settle(index, measured_hz, now_ms, notice);
             return None;
         }
         let (mut refused, mut granted) = (false, false);
         for &stream in &self.wants[index].streams {
+            let comes = self.streams[stream].rate.hz(now_ms) > 0.0;
             match self.streams[stream].asked {
                 Asked::No { not_before_ms, .. } => return (now_ms >= not_before_ms).then_some(stream),
                 Asked::Open { .. } => return None,
                 Asked::Granted { at_ms } if now_ms.saturating_sub(at_ms) < SETTLE_MS => return None,
+                // the answer was lost, and it was granted
+                Asked::Unanswered if comes => {
+                    granted = true;
+                    if unsettled {
+                        return None;
+                    }
+                    break;
+                }
                 Asked::Granted { .. } => {
                     let stream = &mut self.streams[stream];
                     let arrives = match stream.request {
                         Target::Message(_) => {
                             granted = true;
-                            stream.rate.hz(now_ms) > 0.0
+                            comes
                         }
                         // a group is obeyed without an answer: what it brings shows in the messages' rates
                         Target::Group(_) => measured_hz > 0.0,
@@ -598,7 +618,11 @@ impl StreamRequester {
         }
         let mut observed = pace::Observed::default();
         for stream in &mut self.streams {
-            if let (Target::Message(_), Asked::Granted { .. }) = (stream.request, stream.asked) {
+            if stream.runs() {
+                if stream.rate.hz(now_ms) > 0.0 && pace::is_fast(stream.asked_hz) && !stream.rate.flows(now_ms) {
+                    // it stopped, as all do at a reboot: that says nothing of what the link carries
+                    return;
+                }
                 observed.add(stream.asked_hz, stream.rate.hz(now_ms));
             }
         }
@@ -607,8 +631,7 @@ impl StreamRequester {
             return;
         }
         for stream in &mut self.streams {
-            let granted = matches!((stream.request, stream.asked), (Target::Message(_), Asked::Granted { .. }));
-            stream.again = granted && pace::is_fast(stream.asked_hz);
+            stream.again = stream.runs() && pace::is_fast(stream.asked_hz);
         }
         if self.pace.factor() < before {
             let fastest_hz = self.wants.iter().map(|w| w.rate_hz).fold(0.0, f64::max);

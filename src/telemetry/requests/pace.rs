@@ -2,6 +2,8 @@
 const FAST_HZ: f64 = 4.0;
 /// Below this part of what was asked for a message comes too slowly.
 const SHORT: f64 = 0.85;
+/// A larger part must come once less is asked for: else the link loses frames whatever is asked for.
+const HELPED: f64 = 0.1;
 /// Beside one slow message there may be another reason; from so many on it is the link.
 const SEVERAL: usize = 2;
 /// Part of what the link was seen to carry that is asked for: it needs room for the rest.
@@ -41,11 +43,15 @@ pub(super) struct Pace {
     factor: f64,
     changed_ms: u64,
     rest_ms: u64,
+    /// The part that came before the last slowing.
+    before: Option<f64>,
+    /// Slowing does not help here.
+    lossy: bool,
 }
 
 impl Default for Pace {
     fn default() -> Self {
-        Self { factor: 1.0, changed_ms: 0, rest_ms: FIRST_REST_MS }
+        Self { factor: 1.0, changed_ms: 0, rest_ms: FIRST_REST_MS, before: None, lossy: false }
     }
 }
 
@@ -62,7 +68,12 @@ impl Pace {
     /// Learns from rates that have settled; true if they are to be asked for anew.
     pub fn adapt(&mut self, observed: &Observed, now_ms: u64) -> bool {
         let share = if observed.asked_hz > 0.0 { observed.came_hz / observed.asked_hz } else { 1.0 };
-        if observed.short >= SEVERAL && share < SHORT && self.factor > LEAST {
+        if observed.short >= SEVERAL && share < SHORT && self.factor > LEAST && !self.lossy {
+            if self.before.is_some_and(|before| share < before + HELPED) {
+                *self = Self { lossy: true, ..Self::default() };
+                return true;
+            }
+            self.before = Some(share);
             if self.changed_ms > 0 && now_ms.saturating_sub(self.changed_ms) < FIRST_REST_MS {
                 // more was tried, or the link got worse: longer until the next try
                 self.rest_ms = (self.rest_ms * 2).min(LONGEST_REST_MS);
@@ -74,6 +85,7 @@ impl Pace {
         if self.factor < 1.0 && now_ms.saturating_sub(self.changed_ms) >= self.rest_ms {
             self.factor = (self.factor * RAISE).min(1.0);
             self.changed_ms = now_ms;
+            self.before = None;
             return true;
         }
         false
@@ -98,6 +110,16 @@ mod tests {
         assert!(pace.adapt(&observed(&[(50.0, 20.0), (50.0, 20.0), (1.0, 0.2)]), 1_000));
         assert!((pace.of(50.0) - 19.0).abs() < 1e-9);
         assert_eq!(pace.of(1.0), 1.0);
+    }
+
+    #[test]
+    fn a_link_that_loses_a_fifth_of_whatever_is_sent_is_not_slowed() {
+        let mut pace = Pace::default();
+        for second in 1..600 {
+            let asked = pace.of(50.0);
+            pace.adapt(&observed(&[(asked, 0.8 * asked), (asked, 0.8 * asked)]), 1_000 * second);
+        }
+        assert_eq!(pace.of(50.0), 50.0);
     }
 
     #[test]

@@ -30,6 +30,12 @@ impl RateMeter {
         self.counts[0] = self.counts[0].saturating_add(1);
     }
 
+    /// Did anything come lately?
+    pub fn flows(&mut self, now_ms: u64) -> bool {
+        self.advance(now_ms);
+        self.counts[0] > 0 || self.counts[1] > 0
+    }
+
     pub fn hz(&mut self, now_ms: u64) -> f64 {
         self.advance(now_ms);
         let age_ms = now_ms.saturating_sub(self.started_ms);

@@ -17,6 +17,8 @@ struct SimulatedAutopilot {
     fastest_hz: f64,
     /// Messages a second that the link carries.
     carries_hz: f64,
+    /// Tells 0, not −1, of what it does not send.
+    px4: bool,
     /// Answers no question for intervals.
     tells_nothing: bool,
     loss: f64,
@@ -33,6 +35,7 @@ impl SimulatedAutopilot {
             streams: BTreeMap::from([(0, 1.0)]),
             fastest_hz: 1e3,
             carries_hz: f64::INFINITY,
+            px4: false,
             tells_nothing: false,
             loss: 0.0,
             rng: ChaCha8Rng::seed_from_u64(7),
@@ -48,7 +51,7 @@ impl SimulatedAutopilot {
             Request::TellInterval { message_id } => {
                 let interval_us = match self.streams.get(&message_id) {
                     Some(hz) => (1e6 / hz) as i32,
-                    None if self.knows.contains(&message_id) => -1,
+                    None if self.knows.contains(&message_id) && !self.px4 => -1,
                     None => 0,
                 };
                 let lost = self.rng.random_bool(self.loss);
@@ -93,7 +96,8 @@ struct Scene {
 }
 
 impl Scene {
-    fn new(kind: Autopilot, autopilot: SimulatedAutopilot, channels: &[Channel]) -> Self {
+    fn new(kind: Autopilot, mut autopilot: SimulatedAutopilot, channels: &[Channel]) -> Self {
+        autopilot.px4 = kind == Autopilot::Px4;
         let needs: Vec<_> = channels.iter().map(|&c| Need::at_default_rate(c)).collect();
         Self {
             autopilot,

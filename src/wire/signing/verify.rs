@@ -184,9 +184,7 @@ mod tests {
         let mut bytes = vec![0xFD, 3, 0, 0, 5, 1, 1, 0xAA, 0xAA, 0xAA, 7, 8, 9];
         let checksum = |bytes: &[u8]| mavlink_core::calculate_crc(&bytes[1..13], 77).to_le_bytes();
         bytes.extend(checksum(&bytes));
-        let mut parser = Parser::new();
-        parser.push(&bytes);
-        let Some(Event::Frame(unknown)) = parser.next() else { panic!("no frame") };
+        let Some(Event::Frame(unknown)) = crate::wire::datagram(&bytes).next() else { panic!("no frame") };
         let sealed = signer.sign(unknown, NOW_US).unwrap();
         assert_eq!(sealed.bytes()[13..15], checksum(sealed.bytes()));
     }
