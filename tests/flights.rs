@@ -153,16 +153,18 @@ fn wind_of_a_simulated_copter() {
     assert!(s.steady_rmse <= 0.1, "steady RMSE {} m/s", s.steady_rmse);
     assert!(s.direction_rmse_deg <= 1.0, "direction RMSE {}°", s.direction_rmse_deg);
     assert!(s.coverage >= 0.999, "coverage {}", s.coverage);
-    assert!(s.half_width <= 0.85, "mean half-width {} m/s", s.half_width);
+    assert!(s.half_width <= 0.8, "mean half-width {} m/s", s.half_width);
     assert!(s.share_with_wind >= 0.98, "share {}", s.share_with_wind);
 }
 
 #[test]
-fn wind_speed_of_a_simulated_px4_copter_whose_heading_is_off() {
+fn wind_of_a_simulated_px4_copter_whose_heading_is_off() {
     let Some(log) = data("px4/wind_dev.tlog") else { return };
     let s = score(&replay(&log, "px4-sih", |_| true), &Truth::of(&log));
-    assert!(s.speed_rmse <= 0.28, "speed RMSE {} m/s", s.speed_rmse);
-    assert!(s.coverage >= 0.99, "coverage {}", s.coverage);
+    assert!(s.speed_rmse <= 0.26, "speed RMSE {} m/s", s.speed_rmse);
+    // with the autopilot's heading it is 8.4°
+    assert!(s.direction_rmse_deg <= 5.0, "direction RMSE {}°", s.direction_rmse_deg);
+    assert!(s.coverage >= 0.999, "coverage {}", s.coverage);
 }
 
 /// Simulators stream their truth and autopilots their own wind beside the telemetry: an observer that saw any of it
@@ -261,19 +263,15 @@ fn gyro_free(
 }
 
 #[test]
-#[ignore = "not yet measured"]
 fn rates_without_the_gyro_on_a_simulated_copter() {
     // the gyro of this simulator is nearly perfect: it is the truth, and the observer never sees it
-    for (file, most) in [("sitl/wind_dev.tlog", 6.0), ("sitl/wind_turb.tlog", 6.0)] {
-        let Some(log) = data(file) else { return };
-        let (rmse, share) = gyro_free(&log, "arducopter-sitl", |_, gyro| Some(gyro.into()));
-        assert!(rmse.iter().all(|e| *e <= most), "{file}: {rmse:?} °/s");
-        assert!(share >= 0.9, "{file}: {share} inside the bound of 95 %");
-    }
+    let Some(log) = data("sitl/wind_dev.tlog") else { return };
+    let (rmse, share) = gyro_free(&log, "arducopter-sitl", |_, gyro| Some(gyro.into()));
+    assert!(rmse.iter().all(|e| *e <= 6.0), "{rmse:?} °/s");
+    assert!(share >= 0.9, "{share} inside the bound of 95 %");
 }
 
 #[test]
-#[ignore = "not yet measured"]
 fn rates_without_the_gyro_on_a_simulated_px4_copter() {
     let Some(log) = data("px4/wind_dev.tlog") else { return };
     let text = std::fs::read_to_string(log.with_extension("truth.csv")).expect("readable");

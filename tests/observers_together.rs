@@ -4,9 +4,10 @@ mod hover;
 
 use mavobserver::observers::REGISTRY;
 use mavobserver::pipeline::{Event, Fleet, FleetSettings, ObserverSetting};
-use mavobserver::signal::{Discontinuity, Estimate, Measurement, Verdict};
+use mavobserver::signal::{Channel, Discontinuity, Estimate, Measurement, Signal, Verdict};
 use mavobserver::vehicle;
 use mavobserver::wire::FrameBuf;
+use nalgebra::UnitQuaternion;
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
@@ -62,17 +63,81 @@ fn a_break_in_time_leaves_nothing_behind() {
         let Ok(mut used) = mavobserver::observers::build(registration.name, &model, Default::default()) else {
             continue;
         };
-        let mut new = used.fresh();
-        for m in &seen {
-            used.step(m).expect("finite");
-        }
-        used.reset();
-        for (k, m) in seen.iter().enumerate() {
-            let m = Measurement { discontinuity: (k == 0).then_some(Discontinuity::Reboot).or(m.discontinuity), ..*m };
-            let (a, b) = (used.step(&m).expect("finite").clone(), new.step(&m).expect("finite").clone());
-            assert_eq!(format!("{a:?}"), format!("{b:?}"), "{}, step {k}", registration.name);
+        for cause in [Discontinuity::Reboot, Discontinuity::Gap] {
+            let mut new = used.fresh();
+            for m in &seen {
+                used.step(m).expect("finite");
+            }
+            used.reset();
+            for (k, m) in seen.iter().enumerate() {
+                let m = Measurement { discontinuity: (k == 0).then_some(cause).or(m.discontinuity), ..*m };
+                let (a, b) = (used.step(&m).expect("finite").clone(), new.step(&m).expect("finite").clone());
+                assert_eq!(format!("{a:?}"), format!("{b:?}"), "{}, {cause:?}, step {k}", registration.name);
+            }
         }
     }
+}
+
+/// The autopilot's estimate jumps and says so: nothing contradicts what is declared, every bound is reopened around what
+/// comes now, and what uses nothing of the autopilot's does not notice.
+#[test]
+fn a_jump_of_the_autopilots_estimate_breaks_no_bound() {
+    let seen = course(&mut fleet(ObserverSetting::standard()), &hover::frames(900)).measurements;
+    let at = seen.len() / 2;
+    let turn = UnitQuaternion::from_euler_angles(0.0, 0.0, 0.4);
+    let jumped = |k: usize, m: &Measurement| {
+        let mut m = *m;
+        if k >= at {
+            m.discontinuity = (k == at).then_some(Discontinuity::EstimatorReset).or(m.discontinuity);
+            m.position_ned_m.iter_mut().for_each(|p| p.value.x += 20.0);
+            m.velocity_ned_mps.iter_mut().for_each(|v| v.value.y += 2.0);
+            m.attitude.iter_mut().for_each(|q| q.value = turn * q.value);
+        }
+        m
+    };
+    let model = vehicle::resolve("arducopter-sitl").expect("a preset");
+    for registration in REGISTRY.iter().filter(|r| r.standard) {
+        let Ok(mut moved) = mavobserver::observers::build(registration.name, &model, Default::default()) else {
+            continue;
+        };
+        let mut still = moved.fresh();
+        let at_end = jumped(seen.len() - 1, &seen[seen.len() - 1]);
+        for (k, m) in seen.iter().enumerate() {
+            let (e, quiet) = (moved.step(&jumped(k, m)).expect("finite"), still.step(m).expect("finite"));
+            assert_ne!(e.verdict, Verdict::AssumptionViolated, "{}, step {k} of {at}", registration.name);
+            if !registration.needs.contains(&Channel::Attitude) {
+                assert_eq!(format!("{e:?}"), format!("{quiet:?}"), "{}, step {k}", registration.name);
+            }
+        }
+        let e = moved.estimate();
+        assert_eq!(e.verdict, Verdict::Consistent, "{}", registration.name);
+        let now = |name: &str| value_of(moved.signals(), e, name);
+        for (name, truth) in [
+            ("position_n", at_end.position_ned_m.map(|p| p.value.x)),
+            ("velocity_e", at_end.velocity_ned_mps.map(|v| v.value.y)),
+            ("torque_x", Some(0.0)),
+        ] {
+            // of what is bounded the bound must hold; a torque must not come from a turned heading
+            let (Some((value, half_width)), Some(truth)) = (now(name), truth) else { continue };
+            if half_width.is_finite() {
+                assert!(
+                    (value - truth).abs() <= half_width,
+                    "{} of {}: {value} ± {half_width}",
+                    name,
+                    registration.name
+                );
+            }
+            if name == "torque_x" {
+                assert!(value.abs() < 0.01, "{}: {value} N m", registration.name);
+            }
+        }
+    }
+}
+
+/// A signal's value and half-width.
+fn value_of(signals: &[Signal], e: &Estimate, name: &str) -> Option<(f64, f64)> {
+    let at = signals.iter().position(|s| s.name == name)?;
+    Some((e.values[at], e.half_widths[at]))
 }
 
 /// An observer whose channel does not come says so, which bit is missing included, and the others go on.

@@ -1,4 +1,5 @@
-use super::rounding::{STRANDS, dot, gamma, is_positive, up};
+use super::products::{combine, gram};
+use super::rounding::{gamma, is_positive, up};
 use super::{Overlap, Zonotope};
 use nalgebra::{SMatrix, SVector};
 
@@ -58,14 +59,7 @@ impl<const N: usize, const M: usize> Zonotope<N, M> {
         told: &mut [Overlap],
         sums: &SVector<f64, N>,
     ) -> (SMatrix<f64, N, N>, [bool; N]) {
-        let mut p = SMatrix::<f64, N, N>::zeros();
-        for i in 0..N {
-            for j in 0..=i {
-                let product = dot(&self.rows[i][..self.len], &self.rows[j][..self.len]);
-                p[(i, j)] = product;
-                p[(j, i)] = product;
-            }
-        }
+        let mut p = SMatrix::<f64, N, N>::from(gram(&self.rows, self.len));
         let mut gain = SMatrix::<f64, N, N>::zeros();
         let mut used = [false; N];
         for (k, (strip, told)) in strips.iter().zip(told).enumerate().take(N) {
@@ -76,7 +70,7 @@ impl<const N: usize, const M: usize> Zonotope<N, M> {
                 continue;
             }
             let next = across / variance;
-            p -= next * across.transpose();
+            p.ger(-1.0, &next, &across, 1.0);
             for earlier in 0..k {
                 let at = gain[(strip.axis, earlier)];
                 if at != 0.0 {
@@ -91,40 +85,16 @@ impl<const N: usize, const M: usize> Zonotope<N, M> {
         (gain, used)
     }
 
-    /// `out.rows` becomes H − K·CH. Runs over a few columns at a time, which stay in registers meanwhile.
+    /// `out.rows` becomes H − K·CH.
     fn combine(&self, strips: &[AxisStrip], gain: &SMatrix<f64, N, N>, used: &[bool; N], out: &mut Self) {
-        let whole = |axis: usize| self.rows[axis].as_chunks::<STRANDS>().0;
-        let mut sources = [whole(0); N];
-        let mut columns = [0; N];
+        let mut sources = [&self.rows[0]; N];
+        let mut factors = [[0.0; N]; N];
         let mut n = 0;
         for (k, strip) in strips.iter().enumerate().take(N).filter(|(k, _)| used[*k]) {
-            (sources[n], columns[n]) = (whole(strip.axis), k);
+            sources[n] = &self.rows[strip.axis];
+            factors.iter_mut().zip(gain.column(k).iter()).for_each(|(row, g)| row[n] = -*g);
             n += 1;
         }
-        let sources = &sources[..n];
-        // whole blocks: what lies behind the columns in use does not count
-        let blocks = self.len.div_ceil(STRANDS).min(M / STRANDS);
-        for a in 0..N {
-            let factors: [f64; N] = std::array::from_fn(|m| gain[(a, columns[m])]);
-            let (targets, tail) = out.rows[a].as_chunks_mut::<STRANDS>();
-            let own = whole(a);
-            for (block, target) in targets[..blocks].iter_mut().enumerate() {
-                let mut sum = own[block];
-                for (source, factor) in sources.iter().zip(&factors) {
-                    let source = &source[block];
-                    for i in 0..STRANDS {
-                        sum[i] -= factor * source[i];
-                    }
-                }
-                *target = sum;
-            }
-            // a capacity that is no multiple of the block
-            let behind = M - tail.len();
-            tail.copy_from_slice(&self.rows[a][behind..]);
-            for (column, factor) in columns[..n].iter().zip(&factors) {
-                let source = &self.rows[strips[*column].axis][behind..];
-                tail.iter_mut().zip(source).for_each(|(t, s)| *t -= factor * s);
-            }
-        }
+        combine(&self.rows, &factors, &sources[..n], self.len, &mut out.rows);
     }
 }

@@ -42,6 +42,7 @@ mod interval;
 mod linear;
 mod measure;
 mod membership;
+mod products;
 mod reduce;
 mod rounding;
 mod strip;

@@ -1,6 +1,7 @@
 use super::Zonotope;
 use super::rounding::{gamma, up};
 use nalgebra::{SMatrix, SVector};
+use std::cmp::Ordering;
 
 /// How a zonotope with many generators is enclosed by one with few.
 ///
@@ -70,8 +71,28 @@ impl<const N: usize, const M: usize> Zonotope<N, M> {
             }
         }
         let mut order = std::array::from_fn(|j| j);
-        if keep > 0 && keep < self.len {
-            order[..self.len].select_nth_unstable_by(keep - 1, |a, b| size[*b].total_cmp(&size[*a]));
+        if keep == 0 || keep >= self.len {
+            return order;
+        }
+        // the smallest size that is kept; sizes alone are selected from, as an order by places costs twice as much
+        let mut sizes = size;
+        let (_, &mut least, _) = sizes[..self.len].select_nth_unstable_by(keep - 1, |a, b| b.total_cmp(a));
+        let larger = size[..self.len].iter().filter(|s| s.total_cmp(&least).is_gt()).count();
+        let mut equals = keep - larger;
+        let (mut front, mut back) = (0, keep);
+        for (j, s) in size[..self.len].iter().enumerate() {
+            let stays = match s.total_cmp(&least) {
+                Ordering::Greater => true,
+                Ordering::Less => false,
+                Ordering::Equal => {
+                    let room = equals > 0;
+                    equals = equals.saturating_sub(1);
+                    room
+                }
+            };
+            let place = if stays { &mut front } else { &mut back };
+            order[*place] = j;
+            *place += 1;
         }
         order
     }

@@ -163,7 +163,7 @@ impl Score {
 /// Flies `episodes` of `length` steps each, the initial box of roll, pitch and yaw up to `initial_rad` wide to a side.
 pub fn fly(c: &Conditions, mode: Mode, measured: &Measured, initial_rad: f64, episodes: usize, length: usize) -> Score {
     let weights = State::from_fn(|i, _| 1.0 / c.noise[i / 3]);
-    let settings = FilterSettings { mode, reduction: Reduction::Combastel, order: 15, weights };
+    let settings = FilterSettings { mode, reduction: Reduction::Girard, order: 15, weights };
     let mut filter: ZonotopicFilter<STATES, 264> = ZonotopicFilter::new(&[Interval::ZERO; STATES], settings);
     let model = model(c);
     let mut rng = ChaCha8Rng::seed_from_u64(7);

@@ -7,6 +7,8 @@ mod cayero;
 mod findings;
 mod grip;
 mod pham;
+mod pitarch;
+mod wang;
 
 pub use findings::{Figure, Findings, Limit, Trace};
 
@@ -20,7 +22,8 @@ pub struct Experiment {
 }
 
 /// All of them, one line each.
-pub const EXPERIMENTS: &[Experiment] = &[cayero::EXPERIMENT, grip::EXPERIMENT, pham::EXPERIMENT];
+pub const EXPERIMENTS: &[Experiment] =
+    &[cayero::EXPERIMENT, wang::EXPERIMENT, grip::EXPERIMENT, pitarch::EXPERIMENT, pham::EXPERIMENT];
 
 /// Why an experiment gave no findings.
 #[derive(Debug, thiserror::Error)]

@@ -28,7 +28,7 @@ pub const REGISTRATION: Registration = Registration {
         "gnss_delay_s",
         "barometer",
     ],
-    standard: false,
+    standard: true,
     builder,
 };
 

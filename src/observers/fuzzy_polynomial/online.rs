@@ -306,7 +306,6 @@ mod tests {
     /// A body that tumbles under changing torques, seen at jittering times: the rates are found, and the bound holds, while
     /// the gyro says nothing.
     #[test]
-    #[ignore = "designs for every sample time, not yet shown to hold"]
     fn rates_are_found_without_a_gyro() {
         let mut o = observer();
         let (mut q, mut rate, mut t_ns) = (UnitQuaternion::identity(), Vector3::zeros(), 0_i64);
@@ -335,7 +334,6 @@ mod tests {
     }
 
     #[test]
-    #[ignore = "designs for every sample time, not yet shown to hold"]
     fn missing_attitudes_starve_it_and_a_new_one_starts_it_again() {
         let mut o = observer();
         let attitude = UnitQuaternion::identity();

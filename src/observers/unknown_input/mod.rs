@@ -19,6 +19,6 @@ mod torque;
 pub use design::{DesignError, Objective, UnknownInputDesign, design};
 pub use mass::MassBalance;
 pub use online::{REGISTRATION, TorqueObserver};
-pub use plant::{Polytope, Vertex};
+pub use plant::{Polytope, Vertex, attitude_of};
 pub use schedule::{Body, Schedule, Source};
-pub use torque::TorqueFilter;
+pub use torque::{TorqueFilter, TorqueStep};

@@ -33,8 +33,9 @@ pub struct FilterSettings<const N: usize> {
 #[derive(Debug, Clone)]
 pub struct ZonotopicFilter<const N: usize, const M: usize> {
     settings: FilterSettings<N>,
-    set: Zonotope<N, M>,
-    next: Zonotope<N, M>,
+    /// The set, and room for the next one: which is which changes with every step, as copying them takes its time.
+    sets: [Zonotope<N, M>; 2],
+    current: usize,
     /// Centre before the last correction: where the paper linearises.
     prior: SVector<f64, N>,
 }
@@ -48,22 +49,37 @@ impl<const N: usize, const M: usize> ZonotopicFilter<N, M> {
     /// Knows of the state that it lies in a box.
     pub fn new(initial: &[Interval; N], settings: FilterSettings<N>) -> Self {
         let set = Zonotope::from_box(initial);
-        Self { settings, prior: *set.centre(), next: set.clone(), set }
+        Self { settings, prior: *set.centre(), sets: [set.clone(), set], current: 0 }
     }
 
     /// Starts anew from a box.
     pub fn restart(&mut self, initial: &[Interval; N]) {
-        self.set.set_box(initial);
-        self.prior = *self.set.centre();
+        self.set_mut().set_box(initial);
+        self.prior = *self.set().centre();
     }
 
     pub fn set(&self) -> &Zonotope<N, M> {
-        &self.set
+        &self.sets[self.current]
+    }
+
+    fn set_mut(&mut self) -> &mut Zonotope<N, M> {
+        &mut self.sets[self.current]
+    }
+
+    /// The set becomes what `make` writes over the room for the next one.
+    fn replace(&mut self, make: impl FnOnce(&Zonotope<N, M>, &mut Zonotope<N, M>)) {
+        let [a, b] = &mut self.sets;
+        if self.current == 0 {
+            make(a, b)
+        } else {
+            make(b, a)
+        }
+        self.current = 1 - self.current;
     }
 
     /// Interval of every state.
     pub fn hull(&self) -> [Interval; N] {
-        self.set.interval_hull()
+        self.set().interval_hull()
     }
 
     /// Carries the set over one step of the model: (6) without its gain, which [`Self::correct`] has applied.
@@ -71,24 +87,25 @@ impl<const N: usize, const M: usize> ZonotopicFilter<N, M> {
     /// # Errors
     /// [`Unbounded`] when the model gives no linear form over the current hull; the set stays as it was.
     pub fn predict<S: Model<N>>(&mut self, model: &S, input: &S::Input) -> Result<(), Unbounded> {
-        let base = match self.settings.mode {
+        let settings = self.settings;
+        let base = match settings.mode {
             Mode::Paper => self.prior,
-            Mode::Guaranteed => *self.set.centre(),
+            Mode::Guaranteed => *self.set().centre(),
         };
         let form = model.linearise(&base, &self.hull(), input).ok_or(Unbounded)?;
-        self.set.spread();
-        self.set.map_into(&form.jacobian, &mut self.next);
-        std::mem::swap(&mut self.set, &mut self.next);
+        self.set_mut().spread();
+        self.replace(|set, next| set.map_into(&form.jacobian, next));
+        let set = self.set_mut();
         // A·(c − b) + f(b): the map has brought A·c
         let moved = form.jacobian * base;
-        self.set.translate(&(form.value - moved));
-        self.set.add_box(&form.disturbance);
-        if self.settings.mode == Mode::Guaranteed {
+        set.translate(&(form.value - moved));
+        set.add_box(&form.disturbance);
+        if settings.mode == Mode::Guaranteed {
             let size = form.value.abs() + form.jacobian.abs() * base.abs();
-            self.set.add_box(&(form.remainder + size * ((N + 2) as f64 * f64::EPSILON)));
+            set.add_box(&(form.remainder + size * ((N + 2) as f64 * f64::EPSILON)));
         }
-        self.set.reduce(self.settings.reduction, self.settings.order, &self.settings.weights);
-        self.prior = *self.set.centre();
+        set.reduce(settings.reduction, settings.order, &settings.weights);
+        self.prior = *self.set().centre();
         Ok(())
     }
 
@@ -98,7 +115,7 @@ impl<const N: usize, const M: usize> ZonotopicFilter<N, M> {
     /// `told` receives one [`Overlap`] for each output, in their order, as far as it is long. Outputs that measure a
     /// state are taken in first and all at once, the others one after another.
     pub fn correct(&mut self, outputs: &[Output<N>], told: &mut [Overlap]) {
-        self.set.spread();
+        self.set_mut().spread();
         let mut strips = [AxisStrip { axis: 0, offset: 0.0, half_width: 0.0 }; N];
         let mut places = [0; N];
         let mut n = 0;
@@ -109,34 +126,34 @@ impl<const N: usize, const M: usize> ZonotopicFilter<N, M> {
                     places[n] = k;
                     n += 1;
                 }
-                _ => *told = self.set.overlap(&output.strip),
+                _ => *told = self.set().overlap(&output.strip),
             }
         }
         if n > 0 {
             let mut met = [Overlap::default(); N];
-            self.set.intersect_axes_into(&strips[..n], &mut met, &mut self.next);
-            std::mem::swap(&mut self.set, &mut self.next);
+            self.replace(|set, next| set.intersect_axes_into(&strips[..n], &mut met, next));
             for (place, met) in places.iter().zip(met).take(n) {
                 told[*place] = met;
             }
         }
         for (k, (output, told)) in outputs.iter().zip(told.iter_mut()).enumerate() {
-            if !places[..n].contains(&k) && told.touches() && self.set.intersect_strip(&output.strip).is_none() {
+            if !places[..n].contains(&k) && told.touches() && self.set_mut().intersect_strip(&output.strip).is_none() {
                 // jointly with the outputs before it, it contradicts the set where alone it does not
-                *told = self.set.overlap(&output.strip);
+                *told = self.set().overlap(&output.strip);
             }
         }
     }
 
     /// Widens one state so that the set also holds every value of `range` for it.
     pub fn widen(&mut self, state: usize, range: Interval) {
-        let Some(&centre) = self.set.centre().get(state) else { return };
+        let set = self.set_mut();
+        let Some(&centre) = set.centre().get(state) else { return };
         let reach = (range.hi() - centre).max(centre - range.lo());
-        let missing = reach - self.set.radius(state);
+        let missing = reach - set.radius(state);
         if missing > 0.0 {
             let mut extra = SVector::zeros();
             extra[state] = missing.next_up();
-            self.set.add_box(&extra);
+            set.add_box(&extra);
         }
     }
 }

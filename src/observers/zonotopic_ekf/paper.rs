@@ -26,6 +26,8 @@ const DT_S: f64 = 0.01;
 /// States of the paper: φ, φ̇, θ, θ̇, ψ, ψ̇, z, ż, x, ẋ, y, ẏ; z points up.
 const N: usize = 12;
 const ALTITUDE: usize = 6;
+/// How wide the interval of each state typically is: what makes columns of mixed units comparable.
+const TYPICAL_SIZES: [f64; N] = [0.05, 0.1, 0.05, 0.1, 0.05, 0.1, 0.001, 0.02, 0.001, 0.02, 0.001, 0.02];
 /// Generators: order 20, the box, and one for each output.
 const M: usize = 22 * N;
 
@@ -84,16 +86,31 @@ impl Equations<N> for Hover {
 }
 
 /// What came of the experiment.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, Default, PartialEq)]
 pub struct HoverRun {
-    /// Share of steps before the fault in which every true state lay in its interval.
+    /// Share of the steps before the fault for which intervals were given in which every true state lay in its own.
     pub coverage: f64,
+    /// When the intervals had grown so wide that none could be given any more, s.
+    pub lost_s: Option<f64>,
     /// Mean half-width of each state before the fault.
     pub half_widths: [f64; N],
     /// Time from the fault to the first residual interval without zero, s, and its output; `None` if there was none.
     pub detected: Option<(f64, &'static str)>,
     /// Steps before the fault whose residual interval did not hold zero.
     pub false_alarms: usize,
+    /// The altitude, step by step.
+    pub altitude: Vec<AltitudeInstant>,
+}
+
+/// The paper's output 1 at one instant.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct AltitudeInstant {
+    pub t_s: f64,
+    /// What it is, and the interval it is said to lie in, m.
+    pub truth_m: f64,
+    pub interval_m: Interval,
+    /// Interval of its residual (Algorithm 2), m.
+    pub residual_m: Interval,
 }
 
 /// How the experiment is run.
@@ -108,8 +125,8 @@ pub struct HoverSettings {
     pub noise_m: f64,
     /// Bound of the disturbance of every acceleration, rad/s² and m/s².
     pub disturbance: f64,
-    /// Half-width of the initial box of the angles, rad.
-    pub initial_rad: f64,
+    /// Half-width of the initial box in every state.
+    pub initial_box: f64,
     /// Are the angles measured too, to ±0.01 rad? The paper measures position alone.
     pub angles_measured: bool,
     pub seed: u64,
@@ -125,7 +142,7 @@ impl HoverSettings {
             loss: 1.0,
             noise_m: 0.001,
             disturbance: 0.002,
-            initial_rad: 0.02,
+            initial_box: 0.02,
             angles_measured: false,
             seed: 3,
         }
@@ -140,19 +157,18 @@ pub fn hover(settings: &HoverSettings) -> HoverRun {
     let equations = Differentiated(model);
     let mut rng = ChaCha8Rng::seed_from_u64(settings.seed);
     let mut either = move || if rng.random_bool(0.5) { 1.0 } else { -1.0 };
-    let initial: [f64; N] = std::array::from_fn(|i| match i {
-        0 | 2 | 4 => settings.initial_rad,
-        _ => settings.initial_rad,
-    });
+    let initial = [settings.initial_box; N];
     let mut x = SVector::<f64, N>::from_fn(|i, _| initial[i] * either());
+    // with position alone, columns by their length and in mixed units (the paper's own reduction) let the intervals of
+    // the angles grow without end
     let filter = FilterSettings {
         mode: settings.mode,
-        reduction: Reduction::Combastel,
+        reduction: Reduction::Girard,
         order: 15,
-        weights: SVector::repeat(1.0),
+        weights: SVector::from(TYPICAL_SIZES).map(|size| 1.0 / size),
     };
     let mut observer: ZonotopicFilter<N, M> = ZonotopicFilter::new(&initial.map(|r| Interval::centred(0.0, r)), filter);
-    let mut run = HoverRun { coverage: 0.0, half_widths: [0.0; N], detected: None, false_alarms: 0 };
+    let mut run = HoverRun::default();
     let steps = (settings.duration_s / DT_S) as usize;
     let healthy = ((settings.fault_s / DT_S) as usize).min(steps);
     let outputs = if settings.angles_measured { 6 } else { 3 };
@@ -165,6 +181,7 @@ pub fn hover(settings: &HoverSettings) -> HoverRun {
         let disturbance = model.disturbance(&speeds).map(|d| d * either());
         x = SVector::from(model.next(&x.into(), &true_speeds)) + disturbance;
         if observer.predict(&equations, &speeds).is_err() {
+            run.lost_s = Some((k + 1) as f64 * DT_S);
             break;
         }
         let measured = OUTPUTS[..outputs].iter().filter_map(|&(name, state)| {
@@ -182,14 +199,22 @@ pub fn hover(settings: &HoverSettings) -> HoverRun {
             }
             _ => {}
         }
+        let hull = observer.hull();
+        run.altitude.push(AltitudeInstant {
+            t_s: (k + 1) as f64 * DT_S,
+            truth_m: x[ALTITUDE],
+            interval_m: hull[ALTITUDE],
+            residual_m: Interval::centred(told[0].residual, told[0].admissible),
+        });
         if run.detected.is_some() {
             break;
         }
-        let hull = observer.hull();
         if !faulty {
-            run.coverage += f64::from(hull.iter().zip(x.iter()).all(|(i, x)| i.contains(*x))) / healthy as f64;
-            for (sum, side) in run.half_widths.iter_mut().zip(&hull) {
-                *sum += side.radius() / healthy as f64;
+            // running means
+            let share = 1.0 / (k + 1) as f64;
+            run.coverage += share * (f64::from(hull.iter().zip(x.iter()).all(|(i, x)| i.contains(*x))) - run.coverage);
+            for (mean, side) in run.half_widths.iter_mut().zip(&hull) {
+                *mean += share * (side.radius() - *mean);
             }
         }
     }

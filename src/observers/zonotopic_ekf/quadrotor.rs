@@ -3,6 +3,7 @@ use super::smooth::radii;
 use crate::sets::Interval;
 use crate::vehicle::GRAVITY_MPS2;
 use nalgebra::{Matrix3, SMatrix, SVector, Vector3};
+use std::ops::{Add, Mul, Neg, Sub};
 
 /// States of [`Quadrotor`].
 pub const STATES: usize = 12;
@@ -139,18 +140,27 @@ impl Tilt {
 /// R = R_z(yaw)·R_y(pitch)·R_x(roll) applied to a vector: the three turns one after another, each as the turn itself
 /// or its first or second derivative by the angle.
 #[derive(Debug, Clone, Copy)]
-struct Turn {
-    sin: [Interval; 3],
-    cos: [Interval; 3],
+struct Turn<S> {
+    sin: [S; 3],
+    cos: [S; 3],
+    zero: S,
 }
 
-impl Turn {
+impl Turn<Interval> {
     fn over(angles: &Box3) -> Self {
-        Self { sin: angles.map(Interval::sin), cos: angles.map(Interval::cos) }
+        Self { sin: angles.map(Interval::sin), cos: angles.map(Interval::cos), zero: Interval::ZERO }
     }
+}
 
+impl Turn<f64> {
+    fn at(angles: &[f64; 3]) -> Self {
+        Self { sin: angles.map(f64::sin), cos: angles.map(f64::cos), zero: 0.0 }
+    }
+}
+
+impl<S: Copy + Add<Output = S> + Sub<Output = S> + Mul<Output = S> + Neg<Output = S>> Turn<S> {
     /// `orders` says how often each of roll, pitch and yaw is differentiated.
-    fn apply(&self, orders: [u8; 3], vector: &Box3) -> Box3 {
+    fn apply(&self, orders: [u8; 3], vector: &[S; 3]) -> [S; 3] {
         let mut v = *vector;
         for axis in 0..3 {
             let (j, k) = ((axis + 1) % 3, (axis + 2) % 3);
@@ -164,7 +174,7 @@ impl Turn {
             v[j] = c * a - s * b;
             v[k] = s * a + c * b;
             if orders[axis] > 0 {
-                v[axis] = Interval::ZERO;
+                v[axis] = self.zero;
             }
         }
         v
@@ -285,9 +295,9 @@ impl Quadrotor {
         let t = drive.dt_s;
         let f: Vector = drive.force_frd_n / self.mass_kg;
         let force: Box3 = std::array::from_fn(|i| Interval::point(f[i]));
-        let here = Turn::over(&std::array::from_fn(|i| Interval::point(base[ATTITUDE + i])));
+        let here = Turn::at(&std::array::from_fn(|i| base[ATTITUDE + i]));
         let over = Turn::over(angles);
-        let pushed = here.apply([0; 3], &force);
+        let pushed = here.apply([0; 3], &f.into());
         // the direction of the force changes in the step: R(ω×f)
         let cross: Box3 = std::array::from_fn(|i| {
             let (j, k) = ((i + 1) % 3, (i + 2) % 3);
@@ -303,7 +313,7 @@ impl Quadrotor {
         }
         drift /= self.mass_kg;
 
-        let slopes = [[1, 0, 0], [0, 1, 0], [0, 0, 1]].map(|orders| here.apply(orders, &force));
+        let slopes = [[1, 0, 0], [0, 1, 0], [0, 0, 1]].map(|orders| here.apply(orders, &f.into()));
         let mut curved = Vector::zeros();
         for i in 0..3 {
             for j in i..3 {
@@ -316,15 +326,14 @@ impl Quadrotor {
         }
         for i in 0..3 {
             let gravity = if i == 2 { GRAVITY_MPS2 } else { 0.0 };
-            let acceleration = pushed[i].mid() + gravity;
+            let acceleration = pushed[i] + gravity;
             let (v, p) = (VELOCITY + i, POSITION + i);
             form.value[v] += t * acceleration + 0.5 * t * t * turning[i].mid();
             form.value[p] += t * base[v] + 0.5 * t * t * acceleration;
             form.jacobian[(p, v)] = t;
             for (k, slope) in slopes.iter().enumerate() {
-                let slope = slope[i].mid();
-                form.jacobian[(v, ATTITUDE + k)] = t * slope;
-                form.jacobian[(p, ATTITUDE + k)] = 0.5 * t * t * slope;
+                form.jacobian[(v, ATTITUDE + k)] = t * slope[i];
+                form.jacobian[(p, ATTITUDE + k)] = 0.5 * t * t * slope[i];
             }
             form.disturbance[v] += t * drift[i];
             form.disturbance[p] += 0.5 * t * t * drift[i];

@@ -38,7 +38,7 @@ fn builder(vehicle: &Vehicle, options: &mut Options) -> Result<Box<dyn Observer>
     ];
     let mode = options.choice("mode", &modes).map_err(option)?.unwrap_or(Mode::Guaranteed);
     let order = options.number("order", 2.0, 20.0).map_err(option)?.unwrap_or(15.0) as usize;
-    let reduction = options.choice("reduction", &kinds).map_err(option)?.unwrap_or(Reduction::Combastel);
+    let reduction = options.choice("reduction", &kinds).map_err(option)?.unwrap_or(Reduction::Girard);
     let outputs = options.choice("outputs", &sets).map_err(option)?.unwrap_or(Outputs::Rates);
     let noise = &vehicle.noise;
     let groups =
