@@ -30,7 +30,7 @@
 //! | [`station`] | what we answer: own parameters, message intervals, requests, pings | `wire`, `outputs` |
 //! | [`sim`] | a multirotor in software: physics, air, sensors, autopilot, MAVLink feed | `document`, `signal`, `vehicle`, `wire` |
 //! | [`evaluate`] | simulated flights with known truth, and scores of the estimates | `observers`, `pipeline`, `sim`, `signal`, `vehicle`, `wire` |
-//! | [`config`] | TOML → checked config, every issue at once | `document`, `vehicle`, `observers`, `pipeline`, `outputs`, `record`, `routing`, `wire` |
+//! | [`config`] | TOML → checked config, every issue at once | `document`, `vehicle`, `observers`, `pipeline`, `outputs`, `record`, `routing`, `wire`, `faults` |
 //! | [`daemon`] | links, forwarding, recording: the only place with tokio | everything |
 //! | [`cli`] | one file per subcommand | everything |
 //!
