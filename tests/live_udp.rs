@@ -422,6 +422,8 @@ async fn live_estimates_equal_those_of_the_recording() {
             winds.push(wind);
         } else if let Some(status) = decode::<FAULT_STATUS_DATA>(frame.as_ref()) {
             estimated_ms.store(status.time_boot_us / 1_000, Ordering::Relaxed);
+        } else if frame.as_ref().component_id() == 191 {
+            // the faults as a number, for stations without the dialect
         } else {
             assert_eq!(datagram, frames[bridged].bytes(), "frame {bridged} arrives in order and untouched");
             bridged += 1;

@@ -35,11 +35,19 @@ while time.time() < end and (count is None or len(places) < count):
     if m is not None:
         count = m.param_count
         places.add(m.param_index)
+    elif count is None:
+        link.param_fetch_all()
+    else:
+        # this socket overflows when the machine is busy
+        for i in sorted(set(range(count)) - places)[:10]:
+            link.mav.param_request_read_send(link.target_system, 1, b"", i)
 print("parameters", len(places), count)
 def command(id, *params):
-    link.mav.command_long_send(link.target_system, 1, id, 0, *params)
-    ack = link.recv_match(type="COMMAND_ACK", blocking=True, timeout=60)
-    return ack.result if ack else None
+    for attempt in range(6):
+        link.mav.command_long_send(link.target_system, 1, id, attempt, *params)
+        ack = link.recv_match(type="COMMAND_ACK", blocking=True, timeout=10)
+        if ack is not None:
+            return ack.result
 mav = mavutil.mavlink
 print("arm", command(mav.MAV_CMD_COMPONENT_ARM_DISARM, 1, 0, 0, 0, 0, 0, 0))
 print("interval", command(mav.MAV_CMD_SET_MESSAGE_INTERVAL, mav.MAVLINK_MSG_ID_GLOBAL_POSITION_INT, 100000, 0, 0, 0, 0, 0))
