@@ -229,6 +229,10 @@ struct Links {
 impl Links {
     fn start(links: Vec<Bound>, names: Vec<String>, inlet: &Inlet, stop: &CancellationToken) -> Self {
         let mut this = Self { tasks: JoinSet::new(), names: HashMap::new() };
+        // before any link runs: the first frame of a log must not come too early for another
+        for (index, _) in links.iter().enumerate().filter(|(_, link)| link.is_open()) {
+            inlet.of(LinkId(index)).open(None);
+        }
         for (index, (link, name)) in links.into_iter().zip(names).enumerate() {
             let task = this.tasks.spawn(link.run(inlet.of(LinkId(index)), stop.clone()));
             this.names.insert(task.id(), name);

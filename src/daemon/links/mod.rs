@@ -95,6 +95,11 @@ impl Bound {
         }
     }
 
+    /// Whether frames may go to it before it has heard anything.
+    pub(super) fn is_open(&self) -> bool {
+        matches!(self, Self::Udp(link) if link.speaks_to_one())
+    }
+
     /// Runs until `stop`; a log also ends by itself.
     ///
     /// # Errors

@@ -118,6 +118,11 @@ impl UdpLink {
         self.socket.read().unwrap_or_else(PoisonError::into_inner).clone()
     }
 
+    /// Whether it needs to hear nobody first.
+    pub(super) fn speaks_to_one(&self) -> bool {
+        self.peers.is_none()
+    }
+
     pub(super) fn local_addr(&self) -> Option<SocketAddr> {
         self.socket()?.socket.local_addr().ok()
     }
@@ -167,9 +172,6 @@ impl UdpLink {
     pub(super) async fn run(self: Arc<Self>, mut inlet: Inlet, stop: CancellationToken) {
         let mut backoff = Backoff::new();
         let mut buffer = vec![0; DATAGRAM];
-        if self.peers.is_none() {
-            inlet.open(None);
-        }
         loop {
             let socket = match self.socket() {
                 Some(socket) => Ok(socket),
