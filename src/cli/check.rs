@@ -24,7 +24,8 @@ Examples:
   mavobserver check -c flight.toml --live
 
 With --live the links are opened and the vehicles on them asked what a run would ask: firmware, parameters, streams. A
-table tells every answer and what follows from it, `!` where something is amiss. Everything is given back at the end.
+table tells every answer and what follows from it, `!` where something is amiss. At the end the vehicles are asked
+to put everything back.
 
 Exit codes: 0 valid, 1 nobody was heard on the links (--live), 2 problems found.")]
 #[group(required = true, multiple = true, args = ["config", "vehicles", "links"])]
@@ -56,7 +57,10 @@ pub fn run(args: CheckArgs) -> Result<(), Failure> {
         Ok((config, warnings, designs))
     });
     match checked {
-        Ok((config, ..)) if args.live.is_some() => live::run(config, args.live.unwrap_or_default(), args.json),
+        Ok((config, warnings, _)) if args.live.is_some() => {
+            warnings.iter().for_each(|warning| tracing::warn!("{warning}"));
+            live::run(config, args.live.unwrap_or_default(), args.json)
+        }
         Ok((config, warnings, designs)) if args.json => print(&pretty(&report(&config, &warnings, &designs))),
         Ok((config, warnings, designs)) => print(&summary(&args, &config, &warnings, &designs)),
         Err((issues, failure)) => {

@@ -27,7 +27,7 @@ pub(super) fn signing(t: &mut Table<'_>, base: &Path, number: usize) -> Option<S
     };
     let path = base.join(file.text()?);
     let key = read_key(&file, &path)?;
-    let mut times = path.clone().into_os_string();
+    let mut times = path.into_os_string();
     times.push(".times");
     let link_id = link_id.unwrap_or(u8::try_from(number).unwrap_or(u8::MAX));
     Some(Signing { key, link_id, unsigned: unsigned?, times: times.into() })

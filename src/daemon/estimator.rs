@@ -192,7 +192,7 @@ impl<E: Estimator> Worker<E> {
             Word::Info(text) => info!(vehicle = %id, "{text}"),
         });
         for question in questions.into_iter().flatten() {
-            self.voice.ask(*id, &question, work.origin);
+            self.voice.ask(*id, &question, dialogue.origin);
         }
         if dialogue.owes() {
             self.farewell.owe();
@@ -216,8 +216,9 @@ impl<E: Estimator> Worker<E> {
         }
     }
 
-    /// Gives back what the vehicles granted.
+    /// Gives back what the vehicles granted, and asks nothing more.
     fn leave(&mut self) {
+        self.requests = None;
         for Vehicle { id, dialogue, .. } in &self.vehicles {
             let Some(dialogue) = dialogue else { continue };
             for question in dialogue.farewell() {

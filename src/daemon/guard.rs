@@ -1,14 +1,15 @@
 //! Signatures on one link: what leaves is signed, what comes is checked.
 
 use super::clock::unix_us;
+use super::lock::lock;
 use crate::config::Signing;
 use crate::wire::signing::{Refusal, SignatureTime, Signer, Unsigned, Verifier};
 use crate::wire::{FrameBuf, FrameRef};
 use std::collections::BTreeSet;
 use std::io::{self, ErrorKind};
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
+use std::sync::Mutex;
 use std::sync::atomic::{AtomicU64, Ordering};
-use std::sync::{Mutex, MutexGuard, PoisonError};
 use tracing::warn;
 
 /// Signs and checks on one link. Any thread may call it.
@@ -44,12 +45,7 @@ impl Guard {
     /// The file is there and cannot be read.
     pub(super) fn open(link: &str, signing: &Signing) -> Result<Self, TimesError> {
         let failed = |source| TimesError { path: signing.times.clone(), source };
-        let newest = match std::fs::read_to_string(&signing.times) {
-            Ok(text) => text.trim().parse().map_err(|_| failed(io::Error::other("it holds no whole number")))?,
-            Err(e) if e.kind() == ErrorKind::NotFound => 0,
-            Err(e) => return Err(failed(e)),
-        };
-        let newest = SignatureTime::from_ticks(newest);
+        let newest = kept(&signing.times).map_err(failed)?;
         Ok(Self {
             link: link.to_owned(),
             verifier: Mutex::new(Verifier::new(signing.key.clone(), signing.unsigned, newest)),
@@ -90,7 +86,9 @@ impl Guard {
 
     /// Writes the newest time down, so that a restart with a clock that was set back takes no old frame for new.
     pub(super) fn keep(&self) {
-        let newest = lock(&self.verifier).newest().max(lock(&self.signer).last());
+        let own = lock(&self.verifier).newest().max(lock(&self.signer).last());
+        // links with one key share the file: an idle one must not set it back
+        let newest = own.max(kept(&self.times).unwrap_or_default());
         let new = self.times.with_extension("new");
         let written = std::fs::write(&new, format!("{}\n", newest.ticks()));
         if let Err(e) = written.and_then(|()| std::fs::rename(&new, &self.times)) {
@@ -99,7 +97,14 @@ impl Guard {
     }
 }
 
-/// A panic elsewhere leaves times that are still true.
-fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
-    mutex.lock().unwrap_or_else(PoisonError::into_inner)
+/// The time that a file keeps; the least where there is none yet.
+fn kept(times: &Path) -> io::Result<SignatureTime> {
+    match std::fs::read_to_string(times) {
+        Ok(text) => {
+            let ticks = text.trim().parse().map_err(|_| io::Error::other("it holds no whole number"))?;
+            Ok(SignatureTime::from_ticks(ticks))
+        }
+        Err(e) if e.kind() == ErrorKind::NotFound => Ok(SignatureTime::default()),
+        Err(e) => Err(e),
+    }
 }

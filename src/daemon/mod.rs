@@ -42,6 +42,7 @@ mod guard;
 mod inlet;
 mod keeper;
 mod links;
+mod lock;
 mod metrics;
 mod pairing;
 #[cfg(test)]

@@ -155,6 +155,9 @@ impl Pairing {
                 vec![Word::Info("the vehicle tells no parameters: the model is not compared with it".to_owned())]
             }
             Some(Finding::Unmodelled(error)) => vec![Word::Warning(error.to_string())],
+            Some(Finding::Read { .. }) if self.model.is_none() => {
+                vec![Word::Info("no model is given: nothing is compared with the vehicle's parameters".to_owned())]
+            }
             Some(Finding::Read { differences, .. }) if differences.is_empty() => {
                 vec![Word::Info(format!("`{name}` agrees with the vehicle's parameters"))]
             }
@@ -174,11 +177,7 @@ impl Pairing {
 
     /// Which firmware it is, as far as it is known.
     pub(super) fn firmware(&self) -> String {
-        let name = match self.mav_autopilot {
-            3 => "ArduPilot",
-            12 => "PX4",
-            _ => "another autopilot",
-        };
+        let name = Autopilot::from_mav(self.mav_autopilot).map_or("another autopilot", Autopilot::name);
         match &self.version {
             Some(version) => {
                 let [_, patch, minor, major] = version.flight_sw_version.to_le_bytes();

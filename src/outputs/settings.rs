@@ -51,6 +51,23 @@ pub struct Rates {
     pub observer_status: Rate,
 }
 
+impl Rates {
+    /// Nothing leaves.
+    pub const OFF: Self = Self {
+        debug_vect: Rate::OFF,
+        wrench_array: Rate::OFF,
+        bound_arrays: Rate::OFF,
+        named_values: Rate::OFF,
+        wind_cov: Rate::OFF,
+        wind: Rate::OFF,
+        wrench_estimate: Rate::OFF,
+        wind_estimate: Rate::OFF,
+        state_bounds: Rate::OFF,
+        fault_status: Rate::OFF,
+        observer_status: Rate::OFF,
+    };
+}
+
 impl Default for Rates {
     fn default() -> Self {
         Self {

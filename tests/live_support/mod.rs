@@ -37,21 +37,8 @@ pub fn flight(path: &str) -> Option<PathBuf> {
 
 /// A link whose outputs are switched off, so that only forwarded frames arrive.
 pub fn silent(url: LinkUrl) -> Link {
-    let off = Rate::OFF;
-    let rates = Rates {
-        debug_vect: off,
-        wrench_array: off,
-        bound_arrays: off,
-        named_values: off,
-        wind_cov: off,
-        wind: off,
-        wrench_estimate: off,
-        wind_estimate: off,
-        state_bounds: off,
-        fault_status: off,
-        observer_status: off,
-    };
-    let output = OutputSettings { heartbeat: off, status_text: false, rates, ..OutputSettings::default() };
+    let output =
+        OutputSettings { heartbeat: Rate::OFF, status_text: false, rates: Rates::OFF, ..OutputSettings::default() };
     Link { output, ..talking(url) }
 }
 

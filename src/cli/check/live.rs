@@ -15,6 +15,9 @@ pub(super) fn run(config: Config, seconds: f64, as_json: bool) -> Result<(), Fai
     if config.links.is_empty() {
         return Err(Failure::Usage("--live needs a link: give one with --link or [[link]]".to_owned()));
     }
+    if !config.requests.streams {
+        return Err(Failure::Usage("--live asks the vehicles, and `[requests] streams = false` forbids it".to_owned()));
+    }
     let status = pairing::pair(config, seconds)?;
     if status.pairings.is_empty() {
         return Err(Failure::Failed(format!("no autopilot of a multirotor was heard within {seconds:.0} s")));

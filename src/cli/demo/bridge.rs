@@ -33,11 +33,7 @@ impl Bridge {
         let fleet = config.fleet().ok_or_else(|| Failure::Failed("no vehicle model".to_owned()))?;
         let fleet = run::build_fleet(fleet)?;
         let before = logs(out);
-        let runtime = tokio::runtime::Builder::new_multi_thread()
-            .worker_threads(1)
-            .enable_all()
-            .build()
-            .map_err(|e| Failure::Failed(format!("cannot start the async runtime: {e}")))?;
+        let runtime = run::async_runtime(1)?;
         let daemon = runtime.block_on(Daemon::bind(settings))?;
         let address =
             |link| daemon.local_addr(LinkId(link)).ok_or_else(|| Failure::Failed("a link has no address".to_owned()));

@@ -75,11 +75,7 @@ pub fn run(args: RunArgs) -> Result<(), Failure> {
                 .to_owned(),
         ));
     }
-    let runtime = tokio::runtime::Builder::new_multi_thread()
-        .worker_threads(2)
-        .enable_all()
-        .build()
-        .map_err(|e| Failure::Failed(format!("cannot start the async runtime: {e}")))?;
+    let runtime = async_runtime(2)?;
     let outcome = runtime.block_on(serve(&args, config));
     // a straggler must not keep the process alive
     runtime.shutdown_background();
@@ -91,6 +87,15 @@ pub fn run(args: RunArgs) -> Result<(), Failure> {
         return Ok(());
     }
     Err(Failure::Failed(format!("stopped without waiting any longer for {}", summary.stragglers.join(", "))))
+}
+
+/// The runtime of links.
+pub(super) fn async_runtime(workers: usize) -> Result<tokio::runtime::Runtime, Failure> {
+    tokio::runtime::Builder::new_multi_thread()
+        .worker_threads(workers)
+        .enable_all()
+        .build()
+        .map_err(|e| Failure::Failed(format!("cannot start the async runtime: {e}")))
 }
 
 /// The config with all that the command line adds.

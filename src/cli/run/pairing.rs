@@ -1,10 +1,11 @@
 //! Asks the vehicles on the links what a run would ask them, and estimates nothing.
 
-use super::settings;
+use super::service::Signals;
+use super::{async_runtime, settings};
 use crate::cli::Failure;
 use crate::config::Config;
 use crate::daemon::{Daemon, Decision, Status};
-use crate::outputs::{Rate, Rates};
+use crate::outputs::Rates;
 use crate::pipeline::{Fleet, FleetSettings, VehicleId};
 use crate::vehicle;
 use serde_json::{Value, json};
@@ -20,20 +21,17 @@ pub(in crate::cli) fn pair(mut config: Config, seconds: f64) -> Result<Status, F
     config.parameters = None;
     for link in &mut config.links {
         link.output.status_text = false;
-        link.output.rates = silence();
+        link.output.rates = Rates::OFF;
     }
-    let runtime = tokio::runtime::Builder::new_multi_thread()
-        .worker_threads(1)
-        .enable_all()
-        .build()
-        .map_err(|e| Failure::Failed(format!("cannot start the async runtime: {e}")))?;
+    let runtime = async_runtime(1)?;
     let outcome = runtime.block_on(async {
+        let mut signals = Signals::listen().map_err(|e| Failure::Failed(format!("cannot listen for signals: {e}")))?;
         let daemon = Daemon::bind(settings(&config)?).await?;
         let stop = CancellationToken::new();
         let running = tokio::spawn(daemon.run(Some(nothing()?), stop.clone()));
         tokio::select! {
             () = tokio::time::sleep(Duration::from_secs_f64(seconds)) => {}
-            _ = tokio::signal::ctrl_c() => {}
+            () = signals.stop() => {}
         }
         stop.cancel();
         let summary = running.await.map_err(|e| Failure::Failed(format!("the daemon stopped by a defect: {e}")))?;
@@ -48,23 +46,6 @@ fn nothing() -> Result<Fleet, Failure> {
     let vehicle = Arc::new(vehicle::resolve(super::ASSUMED_MODEL)?);
     let settings = FleetSettings { observers: Vec::new(), ..FleetSettings::standard(vehicle) };
     Fleet::new(settings).map_err(|e| Failure::Failed(e.to_string()))
-}
-
-fn silence() -> Rates {
-    let off = Rate::OFF;
-    Rates {
-        debug_vect: off,
-        wrench_array: off,
-        bound_arrays: off,
-        named_values: off,
-        wind_cov: off,
-        wind: off,
-        wrench_estimate: off,
-        wind_estimate: off,
-        state_bounds: off,
-        fault_status: off,
-        observer_status: off,
-    }
 }
 
 /// What was found out about a vehicle and decided for it, as a table.

@@ -4,6 +4,7 @@ mod gaps;
 mod screen;
 mod table;
 
+use super::run::async_runtime;
 use super::{Failure, print};
 use crate::config::{Link, LinkUrl};
 use crate::daemon::{Control, Daemon, Settings};
@@ -54,11 +55,7 @@ fn seconds(text: &str) -> Result<f64, String> {
 
 /// Shows until stopped.
 pub fn run(args: &TapArgs) -> Result<(), Failure> {
-    let runtime = tokio::runtime::Builder::new_multi_thread()
-        .worker_threads(1)
-        .enable_all()
-        .build()
-        .map_err(|e| Failure::Failed(format!("cannot start the async runtime: {e}")))?;
+    let runtime = async_runtime(1)?;
     let frames = runtime.block_on(watch(args));
     runtime.shutdown_background();
     match frames? {

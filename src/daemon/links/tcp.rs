@@ -7,10 +7,11 @@ use super::sockets::resolve;
 use super::stream::{Ends, Pumped, pump};
 use crate::daemon::DaemonError;
 use crate::daemon::inlet::Inlet;
+use crate::daemon::lock::lock;
 use socket2::{SockRef, TcpKeepalive};
 use std::io;
 use std::net::SocketAddr;
-use std::sync::{Arc, Mutex, PoisonError};
+use std::sync::{Arc, Mutex};
 use std::time::Duration;
 use tokio::net::{TcpListener, TcpStream};
 use tokio::task::JoinSet;
@@ -221,8 +222,4 @@ fn prepare(stream: &TcpStream) {
     if let Err(error) = prepared {
         debug!("a connection stays as the system made it: {error}");
     }
-}
-
-fn lock<T>(mutex: &Mutex<T>) -> std::sync::MutexGuard<'_, T> {
-    mutex.lock().unwrap_or_else(PoisonError::into_inner)
 }

@@ -569,12 +569,11 @@ impl StreamRequester {
         }
     }
 
-    fn ask(&mut self, stream: usize, now_ms: u64) -> Request {
+    fn ask(&mut self, index: usize, now_ms: u64) -> Request {
         // messages serve several channels: ask at the rate of the most demanding
-        let wanting = self.wants.iter().filter(|w| w.streams.contains(&stream));
+        let wanting = self.wants.iter().filter(|w| w.streams.contains(&index));
         let rate_hz = self.pace.of(wanting.map(|w| w.rate_hz).fold(1.0, f64::max));
         self.last_command_ms = Some(now_ms);
-        let index = stream;
         let stream = &mut self.streams[index];
         match stream.request {
             // the question for the interval has room for 16 bits
