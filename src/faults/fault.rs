@@ -29,9 +29,7 @@ impl Fault {
         };
         1 << place
     }
-}
 
-impl Fault {
     /// Does an output that no admissible noise explains speak for this fault? By the output's name, as the observers of
     /// the whole state call it.
     pub(super) fn shows_in(self, output: &str) -> bool {

@@ -27,8 +27,12 @@ const PUT_DOWN: f64 = 0.6;
 /// What is carried is followed at this pace, s.
 const FOLLOW_S: f64 = 30.0;
 
-/// The mass that force and acceleration along the thrust axis show, `M·s = f + drag`, against the model's and what is known to be
-/// carried: told when it changes, up or down.
+/// A rotor that lacks thrust looks like at most this many times as much weight while both are being smoothed; what
+/// weighs more for the torque that comes with it is a load beside the middle.
+pub(super) const LEVER: f64 = 2.5;
+
+/// The mass that force and acceleration along the thrust axis show, `M·s = f + drag`, against the model's and what is
+/// known to be carried: told when it changes, up or down.
 #[derive(Debug, Clone)]
 pub(super) struct Weight {
     vehicle: Vehicle,
@@ -234,7 +238,3 @@ impl Weight {
         if self.seen_s > 4.0 * SMOOTH_S && residual.ratio() > 1.0 { residual.value.abs() * GRAVITY_MPS2 } else { 0.0 }
     }
 }
-
-/// A rotor that lacks thrust looks like at most this many times as much weight while both are being smoothed; what
-/// weighs more for the torque that comes with it is a load beside the middle.
-pub(super) const LEVER: f64 = 2.5;

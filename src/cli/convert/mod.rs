@@ -14,7 +14,7 @@ use std::thread;
 
 const EXAMPLES: &str = "Examples:
   mavobserver convert flight.tlog                     # flight.mcap beside it
-  mavobserver convert flight.tlog -o /tmp/flight.mcap
+  mavobserver convert flight.tlog -o recordings/flight.mcap
   mavobserver convert logs/ -o recordings/            # a whole folder, all cores
   mavobserver convert 'logs/2026-*.tlog' --json
   mavobserver convert flight.mcap -o again.tlog       # byte for byte the log it was made from";
