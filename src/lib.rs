@@ -27,7 +27,7 @@
 //! | [`pipeline`] | one vehicle's chain from frames to a snapshot; no I/O | all of the above |
 //! | [`outputs`] | snapshot → MAVLink messages | `wire`, `signal`, `pipeline` |
 //! | [`record`] | MCAP recordings: schemas, writing, reading, conversion, recovery | `wire`, `signal`, `telemetry`, `pipeline` |
-//! | [`station`] | what we answer: own parameters, message intervals, requests, pings | `wire`, `outputs` |
+//! | [`station`] | what we answer: own parameters, message intervals, requests, pings | `wire`, `observers`, `faults`, `pipeline`, `outputs` |
 //! | [`sim`] | a multirotor in software: physics, air, sensors, autopilot, MAVLink feed | `document`, `signal`, `vehicle`, `wire` |
 //! | [`evaluate`] | simulated flights with known truth, and scores of the estimates | `observers`, `pipeline`, `sim`, `signal`, `vehicle`, `wire` |
 //! | [`config`] | TOML → checked config, every issue at once | `document`, `vehicle`, `observers`, `pipeline`, `outputs`, `record`, `routing`, `wire`, `faults` |

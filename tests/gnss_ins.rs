@@ -2,7 +2,6 @@
 //!
 //! The flights are not part of this repository: they are looked for in `$MAVOBSERVER_DATA` or `../shared/data`.
 
-use mavobserver::observers::Options;
 use mavobserver::pipeline::{Event, Fleet, FleetSettings, ObserverSetting};
 use mavobserver::vehicle;
 use mavobserver::wire::tlog::TlogReader;
@@ -38,7 +37,7 @@ struct Flown {
 
 fn replay(log: &Path, preset: &str, mut each: impl FnMut(FrameRef<'_>)) -> Flown {
     let model = Arc::new(vehicle::resolve(preset).expect("a preset"));
-    let only = ObserverSetting { name: "gnss_ins".to_owned(), options: Options::default(), required: true };
+    let only = ObserverSetting::named("gnss_ins");
     let settings = FleetSettings { observers: vec![only], ..FleetSettings::standard(model) };
     let mut fleet = Fleet::new(settings).expect("gains");
     let mut reader = TlogReader::open(log).expect("a log");

@@ -2,7 +2,7 @@
 
 mod hover;
 
-use mavobserver::observers::REGISTRY;
+use mavobserver::observers::{OptionValue, REGISTRY};
 use mavobserver::pipeline::{Event, Fleet, FleetSettings, ObserverSetting};
 use mavobserver::signal::{Channel, Discontinuity, Estimate, Measurement, Signal, Verdict};
 use mavobserver::vehicle;
@@ -52,6 +52,39 @@ fn neither_order_nor_company_changes_an_estimate() {
         let alone = course(&mut fleet(vec![ObserverSetting::named(name)]), &frames);
         assert_eq!(format!("{:?}", alone.estimates[name]), format!("{estimates:?}"), "{name}");
     }
+}
+
+/// Turned in flight: what is turned begins anew, what is paused is silent, the others do not notice.
+#[test]
+fn observers_are_turned_while_they_fly() {
+    let frames = hover::frames(150);
+    let (before, after) = frames.split_at(frames.len() / 2);
+    let undisturbed = course(&mut fleet(ObserverSetting::standard()), &frames);
+    let mut fleet = fleet(ObserverSetting::standard());
+    course(&mut fleet, before);
+
+    let mut tuning = fleet.tuning().clone();
+    for setting in &mut tuning.observers {
+        match setting.name.as_str() {
+            "quadratic_bounded" => setting.options.insert("alpha_force", OptionValue::Number(2.0)),
+            "gnss_ins" => setting.paused = true,
+            _ => {}
+        }
+    }
+    fleet.tune(tuning.clone()).expect("a design at this rate");
+    let turned = course(&mut fleet, after);
+    assert!(!turned.estimates.contains_key("gnss_ins"));
+    for (name, estimates) in &turned.estimates {
+        let whole = &undisturbed.estimates[name];
+        let same = format!("{:?}", &whole[whole.len() - estimates.len()..]) == format!("{estimates:?}");
+        assert_eq!(same, *name != "quadratic_bounded", "{name}");
+    }
+
+    // what cannot be is refused, and changes nothing
+    let mut wrong = tuning.clone();
+    wrong.observers[0].options.insert("alpha_force", OptionValue::Number(1e6));
+    fleet.tune(wrong).expect_err("no such rate");
+    assert_eq!(*fleet.tuning(), tuning);
 }
 
 /// After a reboot or a gap nothing of before is left: every observer goes on just as one that saw nothing of it.

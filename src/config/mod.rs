@@ -229,7 +229,7 @@ mod tests {
         .unwrap();
         let mut options = Options::default();
         options.insert("alpha_force", OptionValue::Number(3.0));
-        assert_eq!(config.observers, [ObserverSetting { name: "quadratic_bounded".into(), options, required: true }]);
+        assert_eq!(config.observers, [ObserverSetting { options, ..ObserverSetting::named("quadratic_bounded") }]);
         assert!(problems("[[observer]]\nname = 'quadratic_bonded'\nalpha_force = 3")[0].contains("did you mean"));
     }
 

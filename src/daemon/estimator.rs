@@ -9,10 +9,11 @@ use super::recorder::{Estimates, RecorderHandle};
 use super::router::{LinkId, Origin, Router};
 use super::status::Board;
 use crate::config::Vehicles;
+use crate::observers::BuildError;
 use crate::outputs::{LinkOutputs, OutputSettings};
-use crate::pipeline::{Event, Fleet, Severity, Snapshot, VehicleId};
+use crate::pipeline::{Event, Fleet, Severity, Snapshot, Tuning, VehicleId};
 use crate::record::session::Track;
-use crate::station::{self, Answer, Change};
+use crate::station::{self, Answer, Change, StationSettings};
 use crate::telemetry::requests::Need;
 use crate::wire::{FrameBuf, FrameRef};
 use std::collections::BTreeMap;
@@ -35,6 +36,19 @@ pub trait Estimator: Send + 'static {
 
     /// Drops all state of a vehicle, which is met anew with its next heartbeat.
     fn forget(&mut self, vehicle: VehicleId);
+
+    /// How it estimates now.
+    fn tuning(&self) -> Tuning {
+        Tuning::default()
+    }
+
+    /// Estimates in another way from now on.
+    ///
+    /// # Errors
+    /// Why it cannot; nothing is changed then.
+    fn tune(&mut self, _tuning: Tuning) -> Result<(), BuildError> {
+        Ok(())
+    }
 }
 
 impl Estimator for Fleet {
@@ -44,6 +58,14 @@ impl Estimator for Fleet {
 
     fn forget(&mut self, vehicle: VehicleId) {
         Fleet::forget(self, vehicle);
+    }
+
+    fn tuning(&self) -> Tuning {
+        Fleet::tuning(self).clone()
+    }
+
+    fn tune(&mut self, tuning: Tuning) -> Result<(), BuildError> {
+        Fleet::tune(self, tuning)
     }
 }
 
@@ -87,12 +109,19 @@ struct Vehicle {
 
 impl<E: Estimator> Worker<E> {
     pub(super) fn new(
-        estimator: E,
+        mut estimator: E,
         voice: Voice,
         requests: Option<Requests>,
         board: Arc<Board>,
         farewell: Arc<Farewell>,
     ) -> Self {
+        let before = estimator.tuning();
+        let kept = voice.keeper.tuning(before.clone());
+        if kept != before
+            && let Err(e) = estimator.tune(kept)
+        {
+            warn!("the observers run as configured, not by the kept parameters: {e}");
+        }
         Self {
             farewell,
             estimator,
@@ -210,7 +239,16 @@ impl<E: Estimator> Worker<E> {
             // what everybody is asked is not answered to the vehicle itself
             let asks_all = component == 0 && frame.system_id() == id.system;
             if last != Some(id.system) && !asks_all {
-                self.voice.answer(id.system, frame, origin, now_ms);
+                let (tuning, mut refused) = (self.estimator.tuning(), None);
+                let tune = &mut |tuning: &Tuning| {
+                    refused = self.estimator.tune(tuning.clone()).err();
+                    refused.is_none()
+                };
+                self.voice.answer(id.system, frame, origin, now_ms, tuning, tune);
+                if let Some(why) = refused {
+                    warn!(vehicle = %id, "a parameter is refused: {why}");
+                    self.voice.text(id, Severity::Warning, &format!("refused: {why}"), unix_us());
+                }
             }
             last = Some(id.system);
         }
@@ -301,13 +339,21 @@ impl Voice {
     }
 
     /// Answers a frame that may be addressed to us in a system, and changes what it asks to change.
-    fn answer(&mut self, system: u8, frame: FrameRef<'_>, to: Origin, now_ms: u64) {
+    fn answer(
+        &mut self,
+        system: u8,
+        frame: FrameRef<'_>,
+        to: Origin,
+        now_ms: u64,
+        tuning: Tuning,
+        tune: &mut dyn FnMut(&Tuning) -> bool,
+    ) {
         let Some((_, outputs)) = self.links.iter_mut().find(|(id, _)| *id == to.link) else { return };
-        let mut settings = outputs.settings();
+        let mut settings = StationSettings { outputs: outputs.settings(), tuning };
         let router = &self.router;
         let mut answers = Vec::new();
         let us = (system, self.component);
-        let change = station::answer(frame, us, &mut settings, now_ms as u32, &mut |answer| answers.push(answer));
+        let change = station::answer(frame, us, &mut settings, now_ms as u32, tune, &mut |answer| answers.push(answer));
         for answer in &answers {
             let send = &mut |frame: FrameRef<'_>| router.answer(frame, to);
             match answer {
@@ -320,16 +366,16 @@ impl Voice {
             }
         }
         match change {
-            Some(Change::Interval(_)) => outputs.adopt(settings),
+            Some(Change::Interval(_)) => outputs.adopt(settings.outputs),
             Some(Change::Parameter(name)) => {
                 if let Some((_, parameter)) = station::parameter(name) {
                     let value = parameter.get(&settings);
                     info!("parameter {name} is now {value}");
                     let recorder = self.recorder.iter_mut().map(|(_, outputs)| outputs);
                     for outputs in self.links.iter_mut().map(|(_, outputs)| outputs).chain(recorder) {
-                        let mut settings = outputs.settings();
+                        let mut settings = StationSettings { outputs: outputs.settings(), ..settings.clone() };
                         parameter.set(&mut settings, value);
-                        outputs.adopt(settings);
+                        outputs.adopt(settings.outputs);
                     }
                     self.keeper.keep(name, value);
                 }

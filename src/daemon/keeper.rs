@@ -1,7 +1,8 @@
 //! Parameters that ground stations set, kept on disk.
 
 use crate::outputs::OutputSettings;
-use crate::station::{self, ParameterFile, ParameterFileError};
+use crate::pipeline::Tuning;
+use crate::station::{self, ParameterFile, ParameterFileError, StationSettings};
 use std::io::ErrorKind;
 use std::path::{Path, PathBuf};
 use tracing::warn;
@@ -39,14 +40,25 @@ impl Keeper {
             Err(e) => return Err(e.into()),
         };
         let set = ParameterFile::values(&text)?;
-        for settings in links {
-            for (name, value) in &set {
-                if let Some((_, parameter)) = station::parameter(name) {
-                    parameter.set(settings, *value);
-                }
+        let keeper = Self { path: Some(path.to_owned()), set };
+        for outputs in links {
+            *outputs = keeper.taken(StationSettings { outputs: *outputs, ..StationSettings::default() }).outputs;
+        }
+        Ok(keeper)
+    }
+
+    /// How the observers are to run by what is kept.
+    pub(super) fn tuning(&self, tuning: Tuning) -> Tuning {
+        self.taken(StationSettings { tuning, ..StationSettings::default() }).tuning
+    }
+
+    fn taken(&self, mut settings: StationSettings) -> StationSettings {
+        for (name, value) in &self.set {
+            if let Some((_, parameter)) = station::parameter(name) {
+                parameter.set(&mut settings, *value);
             }
         }
-        Ok(Self { path: Some(path.to_owned()), set })
+        settings
     }
 
     /// Keeps a value. A file that cannot be written costs the value at the next start, and a warning now.

@@ -15,7 +15,7 @@ pub mod unknown_input;
 pub mod zonotopic_ekf;
 
 pub use options::{OptionError, OptionValue, Options};
-pub use registry::{BuildError, Builder, REGISTRY, Registration, build, find};
+pub use registry::{BuildError, Builder, Dial, REGISTRY, Registration, build, find};
 
 use crate::signal::{Estimate, Measurement, Residual, Signal};
 

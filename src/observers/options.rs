@@ -17,6 +17,14 @@ impl Options {
         self.0.insert(key.into(), value);
     }
 
+    pub fn get(&self, key: &str) -> Option<&OptionValue> {
+        self.0.get(key)
+    }
+
+    pub fn remove(&mut self, key: &str) {
+        self.0.remove(key);
+    }
+
     /// Takes out a number within `[lo, hi]`.
     pub fn number(&mut self, key: &'static str, lo: f64, hi: f64) -> Result<Option<f64>, OptionError> {
         match self.0.remove(key) {

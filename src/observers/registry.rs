@@ -16,9 +16,24 @@ pub struct Registration {
     pub needs: &'static [Channel],
     /// The keys of its config table.
     pub options: &'static [&'static str],
+    /// What our own parameters of it begin with: at most four letters.
+    pub prefix: &'static str,
+    /// The options that a ground station may turn in flight.
+    pub dials: &'static [Dial],
     /// Runs when a config names no observers: it is quick to build and cheap to step.
     pub standard: bool,
     pub builder: Builder,
+}
+
+/// An option that can be turned while the observer runs, as one of our own parameters. At 0 the config decides.
+pub struct Dial {
+    /// The parameter's name is the observer's prefix, `_` and this.
+    pub suffix: &'static str,
+    /// The number among the observer's options.
+    pub option: &'static str,
+    pub least: f64,
+    pub most: f64,
+    pub meaning: &'static str,
 }
 
 /// Makes an observer for a vehicle from its config table.
@@ -74,7 +89,9 @@ mod tests {
     fn names_and_ids_are_unique() {
         for (i, a) in REGISTRY.iter().enumerate() {
             assert!(a.name.len() <= 20, "{} does not fit OBSERVER_STATUS", a.name);
-            assert!(REGISTRY[..i].iter().all(|b| b.name != a.name && b.id != a.id), "{}", a.name);
+            let differs = |b: &Registration| b.name != a.name && b.id != a.id && b.prefix != a.prefix;
+            assert!(REGISTRY[..i].iter().all(differs), "{}", a.name);
+            assert!(a.dials.iter().all(|d| a.options.contains(&d.option) && d.least > 0.0), "{}", a.name);
         }
     }
 }

@@ -45,6 +45,21 @@ impl Chain {
         }
     }
 
+    /// Runs these observers from now on: those that run already with the same options go on.
+    pub(super) fn tune(&mut self, slots: &[Slot], faults: Option<FaultSettings>) {
+        let mut before = std::mem::take(&mut self.slots);
+        self.slots = slots
+            .iter()
+            .map(|new| match before.iter().position(|s| s.is(new.registration, &new.options)) {
+                Some(same) => before.swap_remove(same),
+                None => new.fresh(),
+            })
+            .collect();
+        if let Some(faults) = faults {
+            self.faults = FaultBank::new(&self.vehicle, faults);
+        }
+    }
+
     pub fn vehicle(&self) -> &Vehicle {
         &self.vehicle
     }

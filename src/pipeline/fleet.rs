@@ -20,12 +20,14 @@ pub struct ObserverSetting {
     pub options: Options,
     /// A vehicle that it cannot serve is an error; else it is left out there.
     pub required: bool,
+    /// It is kept, with its options, and does not run.
+    pub paused: bool,
 }
 
 impl ObserverSetting {
     /// An observer that was asked for by name, with its defaults.
     pub fn named(name: &str) -> Self {
-        Self { name: name.to_owned(), options: Options::default(), required: true }
+        Self { name: name.to_owned(), options: Options::default(), required: true, paused: false }
     }
 
     /// The observers that run when none is named: all that are quick to build and cheap to step, where the vehicle's
@@ -57,6 +59,13 @@ impl FleetSettings {
             faults: FaultSettings::default(),
         }
     }
+}
+
+/// What may be changed while a fleet runs.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub struct Tuning {
+    pub observers: Vec<ObserverSetting>,
+    pub faults: FaultSettings,
 }
 
 /// What a heartbeat says of a vehicle.
@@ -120,6 +129,7 @@ pub struct Fleet {
     /// The model of every vehicle that has none of its own.
     standard: Model,
     by_system: BTreeMap<u8, Model>,
+    tuning: Tuning,
     members: BTreeMap<VehicleId, Member>,
     clock: Option<Clock>,
 }
@@ -131,14 +141,43 @@ impl Fleet {
     /// # Errors
     /// [`BuildError`] for unknown observers or options, and for designs that do not exist.
     pub fn new(settings: FleetSettings) -> Result<Self, BuildError> {
-        let model = |vehicle: &Arc<Vehicle>| Model::new(vehicle, &settings.observers, settings.faults);
+        let tuning = Tuning { observers: settings.observers, faults: settings.faults };
+        let model = |vehicle: &Arc<Vehicle>| Model::new(vehicle, &tuning, &[]);
         let by_system = settings.by_system.iter().map(|(id, vehicle)| Ok((*id, model(vehicle)?)));
         Ok(Self {
             standard: model(&settings.vehicle)?,
             by_system: by_system.collect::<Result<_, BuildError>>()?,
+            tuning,
             members: BTreeMap::new(),
             clock: None,
         })
+    }
+
+    /// How the observers run now.
+    pub fn tuning(&self) -> &Tuning {
+        &self.tuning
+    }
+
+    /// Runs the observers in another way from now on. Those whose settings stay go on as they are, the others begin
+    /// anew; the detectors of faults do if their settings change. May design, which takes up to a second.
+    ///
+    /// # Errors
+    /// [`BuildError`], and nothing is changed.
+    pub fn tune(&mut self, tuning: Tuning) -> Result<(), BuildError> {
+        let other = |model: &Model| Model::new(&model.vehicle, &tuning, &model.slots);
+        let standard = other(&self.standard)?;
+        let by_system = self.by_system.iter().map(|(id, model)| Ok((*id, other(model)?)));
+        self.by_system = by_system.collect::<Result<_, BuildError>>()?;
+        self.standard = standard;
+        let faults = (tuning.faults != self.tuning.faults).then_some(tuning.faults);
+        for (id, member) in &mut self.members {
+            let model = self.by_system.get(&id.system).unwrap_or(&self.standard);
+            if let Some(chain) = &mut member.chain {
+                chain.tune(&model.slots, faults);
+            }
+        }
+        self.tuning = tuning;
+        Ok(())
     }
 
     /// Measures what the steps of the observers cost by this clock. Estimates do not depend on it.
@@ -205,11 +244,17 @@ struct Model {
 }
 
 impl Model {
-    fn new(vehicle: &Arc<Vehicle>, observers: &[ObserverSetting], faults: FaultSettings) -> Result<Self, BuildError> {
+    /// Designs what is not among `known`.
+    fn new(vehicle: &Arc<Vehicle>, tuning: &Tuning, known: &[Slot]) -> Result<Self, BuildError> {
         let (mut slots, mut left_out) = (Vec::new(), Vec::new());
-        for o in observers {
+        for o in tuning.observers.iter().filter(|o| !o.paused) {
+            let registration = observers::find(&o.name)?;
+            if let Some(same) = known.iter().find(|s| s.is(registration, &o.options)) {
+                slots.push(same.fresh());
+                continue;
+            }
             match observers::build(&o.name, vehicle, o.options.clone()) {
-                Ok(observer) => slots.push(Slot::new(observers::find(&o.name)?, observer)),
+                Ok(observer) => slots.push(Slot::new(registration, o.options.clone(), observer)),
                 Err(e @ BuildError::Unsuited { .. }) if !o.required => {
                     left_out.push(format!("vehicle `{}`: {e}", vehicle.name));
                 }
@@ -217,7 +262,7 @@ impl Model {
             }
         }
         slots.sort_by_key(|s| s.registration.id);
-        Ok(Self { vehicle: Arc::clone(vehicle), slots, faults, left_out })
+        Ok(Self { vehicle: Arc::clone(vehicle), slots, faults: tuning.faults, left_out })
     }
 
     /// A chain for one vehicle of this model.

@@ -12,6 +12,6 @@ mod slot;
 mod snapshot;
 
 pub use chain::{Chain, Reports};
-pub use fleet::{Event, Fleet, FleetSettings, ObserverSetting, Severity, VehicleKind};
+pub use fleet::{Event, Fleet, FleetSettings, ObserverSetting, Severity, Tuning, VehicleKind};
 pub use slot::Clock;
 pub use snapshot::{FaultDetail, FaultMask, ObserverReport, Snapshot, VehicleId, WindEstimate, WrenchEstimate};

@@ -1,5 +1,5 @@
 use super::snapshot::WrenchEstimate;
-use crate::observers::{Observer, Registration};
+use crate::observers::{Observer, Options, Registration};
 use crate::signal::{Channel, Discontinuity, Guarantee, Measurement, Verdict};
 use crate::telemetry::Aligner;
 use nalgebra::Vector3;
@@ -13,6 +13,7 @@ const MEAN_STEPS: f64 = 128.0;
 /// One observer of one vehicle, with its place in the registry and what is counted about it.
 pub(super) struct Slot {
     pub registration: &'static Registration,
+    pub options: Options,
     pub observer: Box<dyn Observer>,
     pub steps: u64,
     pub failures: u64,
@@ -40,15 +41,20 @@ pub(super) struct Heading {
 const UNBOUNDED_HEADING_RAD: f64 = 0.1745;
 
 impl Slot {
-    pub fn new(registration: &'static Registration, observer: Box<dyn Observer>) -> Self {
+    pub fn new(registration: &'static Registration, options: Options, observer: Box<dyn Observer>) -> Self {
         let wrench = places(&*observer, ["force_n", "force_e", "force_d", "torque_x", "torque_y", "torque_z"]);
         let yaw = places(&*observer, ["yaw"]);
-        Self { registration, observer, steps: 0, failures: 0, mean_ns: 0.0, missing: 0, wrench, yaw }
+        Self { registration, options, observer, steps: 0, failures: 0, mean_ns: 0.0, missing: 0, wrench, yaw }
     }
 
     /// The same observer for another vehicle.
     pub fn fresh(&self) -> Self {
-        Self::new(self.registration, self.observer.fresh())
+        Self::new(self.registration, self.options.clone(), self.observer.fresh())
+    }
+
+    /// Is it this observer with these options?
+    pub fn is(&self, registration: &Registration, options: &Options) -> bool {
+        self.registration.id == registration.id && self.options == *options
     }
 
     /// One step. Where time is not continuous the observer begins anew; a jump of the autopilot's own estimate is left

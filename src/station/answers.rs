@@ -1,8 +1,9 @@
 // Superseded by newer messages, and what stations still send and ask for.
 #![allow(deprecated)]
 
-use super::parameters::{self, Parameter};
+use super::parameters::{self, Parameter, StationSettings};
 use crate::outputs::{OutputSettings, Rate, Rates};
+use crate::pipeline::Tuning;
 use crate::wire::dialect::ardupilotmega::{
     AUTOPILOT_VERSION_DATA, COMMAND_ACK_DATA, COMPONENT_INFORMATION_BASIC_DATA, MESSAGE_INTERVAL_DATA, MavCmd,
     MavProtocolCapability, MavResult, PARAM_VALUE_DATA, PING_DATA,
@@ -47,12 +48,14 @@ pub enum Change {
 
 /// Answers a frame that is addressed to us: to `component` of `system`, or to every component.
 ///
-/// `settings` are those of the link by which it came. Frames that ask for nothing of ours give no answer.
+/// `settings` are those of the link by which it came. `tune` makes the observers run in another way, or refuses and
+/// leaves them as they are. Frames that ask for nothing of ours give no answer.
 pub fn answer(
     frame: FrameRef<'_>,
     (system, component): (u8, u8),
-    settings: &mut OutputSettings,
+    settings: &mut StationSettings,
     boot_ms: u32,
+    tune: &mut dyn FnMut(&Tuning) -> bool,
     say: &mut dyn FnMut(Answer),
 ) -> Option<Change> {
     if frame.check() != Check::Verified {
@@ -96,27 +99,59 @@ pub fn answer(
         }
         PARAM_SET => {
             let (index, parameter) = f.text(6, 16).and_then(parameters::find)?;
-            let before = parameter.get(settings);
-            let now = parameter.set(settings, f.f32(0).into());
+            let changed = set(parameter, settings, f.f32(0), tune);
             say(value(index, parameter, settings));
-            (now != before).then_some(Change::Parameter(parameter.name))
+            changed.then_some(Change::Parameter(&parameter.name))
         }
-        COMMAND_LONG => {
-            command(frame, f.u16(28), [f.f32(0), f.f32(4)], to_component == component, settings, boot_ms, say)
-        }
-        COMMAND_INT => {
-            command(frame, f.u16(28), [f.f32(0), f.f32(4)], to_component == component, settings, boot_ms, say)
-        }
+        COMMAND_LONG => command(
+            frame,
+            f.u16(28),
+            [f.f32(0), f.f32(4)],
+            to_component == component,
+            &mut settings.outputs,
+            boot_ms,
+            say,
+        ),
+        COMMAND_INT => command(
+            frame,
+            f.u16(28),
+            [f.f32(0), f.f32(4)],
+            to_component == component,
+            &mut settings.outputs,
+            boot_ms,
+            say,
+        ),
         _ => None,
     }
 }
 
-fn value(index: usize, parameter: &Parameter, settings: &OutputSettings) -> Answer {
+/// Sets a parameter; false if that changed nothing, or the observers cannot run so.
+fn set(
+    parameter: &Parameter,
+    settings: &mut StationSettings,
+    wanted: f32,
+    tune: &mut dyn FnMut(&Tuning) -> bool,
+) -> bool {
+    // as the wire tells it: a station that writes back what it read changes nothing
+    let told = |settings: &StationSettings| parameter.get(settings) as f32;
+    if told(settings) == wanted {
+        return false;
+    }
+    let before = settings.clone();
+    parameter.set(settings, wanted.into());
+    if settings.tuning != before.tuning && !tune(&settings.tuning) {
+        *settings = before;
+        return false;
+    }
+    *settings != before
+}
+
+fn value(index: usize, parameter: &Parameter, settings: &StationSettings) -> Answer {
     Answer::Parameter(PARAM_VALUE_DATA {
         param_value: parameter.get(settings) as f32,
         param_count: parameters::all().len() as u16,
         param_index: index as u16,
-        param_id: characters(parameter.name),
+        param_id: characters(&parameter.name),
         param_type: parameter.kind,
     })
 }
@@ -268,9 +303,11 @@ mod tests {
 
     const US: (u8, u8) = (1, 191);
 
-    fn asked(frame: &FrameBuf, settings: &mut OutputSettings) -> (Vec<Answer>, Option<Change>) {
+    fn asked(frame: &FrameBuf, settings: &mut StationSettings) -> (Vec<Answer>, Option<Change>) {
         let mut answers = Vec::new();
-        let change = answer(frame.as_ref(), US, settings, 1_000, &mut |a| answers.push(a));
+        // whoever tunes refuses a rate of 7
+        let tune = &mut |t: &Tuning| t.faults.false_alarms_per_hour != 7.0;
+        let change = answer(frame.as_ref(), US, settings, 1_000, tune, &mut |a| answers.push(a));
         (answers, change)
     }
 
@@ -292,7 +329,7 @@ mod tests {
 
     #[test]
     fn parameters_are_listed_read_and_set() {
-        let mut settings = OutputSettings::default();
+        let mut settings = StationSettings::default();
         let list = station().encode(&PARAM_REQUEST_LIST_DATA { target_system: 1, target_component: 191 });
         let (answers, _) = asked(&list, &mut settings);
         assert_eq!(answers.len(), parameters::all().len());
@@ -307,7 +344,7 @@ mod tests {
         let (answers, change) = asked(&station().encode(&set), &mut settings);
         assert!(matches!(&answers[..], [Answer::Parameter(p)] if p.param_value == 4.0), "{answers:?}");
         assert_eq!(change, Some(Change::Parameter("OUT_WIND_HZ")));
-        assert_eq!(settings.rates.wind_estimate, Rate::hz(4.0));
+        assert_eq!(settings.outputs.rates.wind_estimate, Rate::hz(4.0));
 
         let by_index = PARAM_REQUEST_READ_DATA {
             param_index: 8,
@@ -323,8 +360,32 @@ mod tests {
     }
 
     #[test]
+    fn what_the_observers_refuse_stays_as_it_was() {
+        let mut settings = StationSettings::default();
+        let mut set = |param_value| {
+            let set = PARAM_SET_DATA {
+                param_value,
+                target_system: 1,
+                target_component: 191,
+                param_id: characters("FLT_ALARMS_HOUR"),
+                param_type: MavParamType::MAV_PARAM_TYPE_REAL32,
+            };
+            let (answers, change) = asked(&station().encode(&set), &mut settings);
+            match &answers[..] {
+                [Answer::Parameter(p)] => (p.param_value, change),
+                other => panic!("{other:?}"),
+            }
+        };
+        let changed = Some(Change::Parameter("FLT_ALARMS_HOUR"));
+        assert_eq!(set(0.004), (0.004, None), "that is what it was");
+        assert_eq!(set(0.5), (0.5, changed));
+        assert_eq!(set(7.0), (0.5, None), "refused");
+        assert_eq!(set(99.0), (10.0, changed), "the most there is");
+    }
+
+    #[test]
     fn what_is_for_others_is_left_to_them() {
-        let mut settings = OutputSettings::default();
+        let mut settings = StationSettings::default();
         for (target_system, target_component) in [(1, 1), (2, 191)] {
             let list = station().encode(&PARAM_REQUEST_LIST_DATA { target_system, target_component });
             assert_eq!(asked(&list, &mut settings), (vec![], None));
@@ -339,14 +400,14 @@ mod tests {
 
     #[test]
     fn intervals_are_set_told_and_reset() {
-        let mut settings = OutputSettings::default();
+        let mut settings = StationSettings::default();
         let set = MavCmd::MAV_CMD_SET_MESSAGE_INTERVAL;
         let (answers, change) = asked(&commanded(set, 44101.0, 50_000.0, 191), &mut settings);
         assert_eq!(change, Some(Change::Interval(44101)));
         assert!(
             matches!(&answers[..], [Answer::Ack(a)] if a.result == MavResult::MAV_RESULT_ACCEPTED && a.target_system == 255)
         );
-        let told = |settings: &mut OutputSettings| match &asked(
+        let told = |settings: &mut StationSettings| match &asked(
             &commanded(MavCmd::MAV_CMD_GET_MESSAGE_INTERVAL, 44101.0, 0.0, 191),
             settings,
         )
@@ -368,7 +429,7 @@ mod tests {
 
     #[test]
     fn who_we_are_is_told() {
-        let mut settings = OutputSettings::default();
+        let mut settings = StationSettings::default();
         for id in [COMPONENT_INFORMATION_BASIC, AUTOPILOT_VERSION] {
             let (answers, _) = asked(&commanded(MavCmd::MAV_CMD_REQUEST_MESSAGE, id as f32, 0.0, 191), &mut settings);
             assert!(matches!(&answers[..], [_, Answer::Ack(a)] if a.result == MavResult::MAV_RESULT_ACCEPTED), "{id}");

@@ -5,11 +5,13 @@
 //! (MAV_CMD_SET_MESSAGE_INTERVAL, MAV_CMD_GET_MESSAGE_INTERVAL), asks who we are (MAV_CMD_REQUEST_MESSAGE for
 //! COMPONENT_INFORMATION_BASIC, AUTOPILOT_VERSION, MESSAGE_INTERVAL) and how far away (PING).
 //!
-//! In: one frame and the settings of what leaves. Out: [`Answer`]s for its sender, and a [`Change`] of the settings. No
-//! I/O and no clock. Imports `wire` and `outputs` only.
+//! In: one frame and the settings that our parameters stand for. Out: [`Answer`]s for its sender, and a [`Change`] of
+//! the settings. No I/O and no clock. Imports `wire`, `observers`, `faults`, `pipeline` and `outputs` only.
 
 mod answers;
+mod file;
 mod parameters;
 
 pub use answers::{Answer, Change, answer};
-pub use parameters::{Parameter, ParameterFile, ParameterFileError, all as parameters, find as parameter};
+pub use file::{ParameterFile, ParameterFileError};
+pub use parameters::{Parameter, StationSettings, all as parameters, find as parameter};

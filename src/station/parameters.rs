@@ -1,79 +1,139 @@
-use crate::outputs::{OutputSettings, Rate};
+use crate::faults::FaultSettings;
+use crate::observers::{Dial, OptionValue, REGISTRY, Registration};
+use crate::outputs::{OutputSettings, Rate, Rates};
+use crate::pipeline::{ObserverSetting, Tuning};
 use crate::wire::dialect::ardupilotmega::MavParamType;
+use std::sync::LazyLock;
+
+/// What our parameters stand for: what leaves on a link, and how the observers run.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub struct StationSettings {
+    pub outputs: OutputSettings,
+    pub tuning: Tuning,
+}
 
 /// One of our parameters, as a ground station sees it.
 pub struct Parameter {
     /// At most 16 characters.
-    pub name: &'static str,
-    pub meaning: &'static str,
+    pub name: String,
+    pub meaning: String,
     pub kind: MavParamType,
     /// The largest value; the smallest is 0.
     pub most: f64,
-    get: fn(&OutputSettings) -> f64,
-    set: fn(&mut OutputSettings, f64),
+    of: Of,
+}
+
+/// What a parameter changes.
+enum Of {
+    Heartbeat,
+    Text,
+    Rate(fn(&mut Rates) -> &mut Rate),
+    Observer(&'static Registration),
+    Dial(&'static Registration, &'static Dial),
+    FalseAlarms,
 }
 
 impl Parameter {
-    pub fn get(&self, settings: &OutputSettings) -> f64 {
-        (self.get)(settings)
+    fn new(name: impl Into<String>, meaning: impl Into<String>, most: f64, of: Of) -> Self {
+        let kind = match of {
+            Of::Text | Of::Observer(_) => MavParamType::MAV_PARAM_TYPE_UINT8,
+            _ => MavParamType::MAV_PARAM_TYPE_REAL32,
+        };
+        Self { name: name.into(), meaning: meaning.into(), kind, most, of }
+    }
+
+    pub fn get(&self, settings: &StationSettings) -> f64 {
+        let StationSettings { outputs, tuning } = settings;
+        match self.of {
+            Of::Heartbeat => outputs.heartbeat.as_hz().min(self.most),
+            Of::Text => f64::from(u8::from(outputs.status_text)),
+            Of::Rate(of) => {
+                let mut rates = outputs.rates;
+                of(&mut rates).as_hz().min(self.most)
+            }
+            Of::Observer(r) => f64::from(u8::from(tuning.observers.iter().any(|o| o.name == r.name && !o.paused))),
+            Of::Dial(r, dial) => {
+                let setting = tuning.observers.iter().find(|o| o.name == r.name);
+                match setting.and_then(|o| o.options.get(dial.option)) {
+                    Some(OptionValue::Number(value)) => *value,
+                    _ => 0.0,
+                }
+            }
+            Of::FalseAlarms => tuning.faults.false_alarms_per_hour,
+        }
     }
 
     /// Takes a value into the range, and the settings; the value that was taken. What is no number changes nothing.
-    pub fn set(&self, settings: &mut OutputSettings, value: f64) -> f64 {
+    pub fn set(&self, settings: &mut StationSettings, value: f64) -> f64 {
         if value.is_finite() {
-            let value = value.clamp(0.0, self.most);
-            let whole = self.kind != MavParamType::MAV_PARAM_TYPE_REAL32;
-            (self.set)(settings, if whole { value.round() } else { value });
+            self.take(settings, value.clamp(0.0, self.most));
         }
         self.get(settings)
+    }
+
+    fn take(&self, StationSettings { outputs, tuning }: &mut StationSettings, value: f64) {
+        match self.of {
+            Of::Heartbeat => outputs.heartbeat = Rate::hz(value),
+            Of::Text => outputs.status_text = value >= 0.5,
+            Of::Rate(of) => *of(&mut outputs.rates) = Rate::hz(value),
+            Of::Observer(r) => {
+                let paused = value < 0.5;
+                match tuning.observers.iter_mut().find(|o| o.name == r.name) {
+                    Some(known) => known.paused = paused,
+                    None if paused => {}
+                    None => tuning.observers.push(ObserverSetting::named(r.name)),
+                }
+            }
+            Of::Dial(r, dial) => {
+                // an observer that was never named has no options to turn
+                let Some(observer) = tuning.observers.iter_mut().find(|o| o.name == r.name) else { return };
+                if value > 0.0 {
+                    observer.options.insert(dial.option, OptionValue::Number(value.clamp(dial.least, dial.most)));
+                } else {
+                    observer.options.remove(dial.option);
+                }
+            }
+            Of::FalseAlarms => {
+                let [least, most] = FaultSettings::RATES;
+                tuning.faults.false_alarms_per_hour = value.clamp(least, most);
+            }
+        }
     }
 }
 
 /// Faster than any measurement comes: more is the same.
 const MOST_HZ: f64 = 400.0;
 
-macro_rules! rate {
-    ($name:literal, $field:ident, $meaning:literal) => {
-        Parameter {
-            name: $name,
-            meaning: $meaning,
-            kind: MavParamType::MAV_PARAM_TYPE_REAL32,
-            most: MOST_HZ,
-            get: |s| s.rates.$field.as_hz().min(MOST_HZ),
-            set: |s, hz| s.rates.$field = Rate::hz(hz),
+static ALL: LazyLock<Vec<Parameter>> = LazyLock::new(|| {
+    let rate = |name: &str, of, meaning: &str| Parameter::new(name, meaning, MOST_HZ, Of::Rate(of));
+    let mut all = vec![
+        Parameter::new("OUT_HEARTBEAT_HZ", "our heartbeat", 50.0, Of::Heartbeat),
+        Parameter::new("OUT_TEXT", "1: status texts at start and on changes", 1.0, Of::Text),
+        rate("OUT_VECT_HZ", |r| &mut r.debug_vect, "DEBUG_VECT WR_F and WR_T"),
+        rate("OUT_ARRAY_HZ", |r| &mut r.wrench_array, "DEBUG_FLOAT_ARRAY 1"),
+        rate("OUT_BOUNDS_HZ", |r| &mut r.bound_arrays, "DEBUG_FLOAT_ARRAY 2 and 3"),
+        rate("OUT_NAMED_HZ", |r| &mut r.named_values, "NAMED_VALUE_FLOAT, one name at a time"),
+        rate("OUT_WINDCOV_HZ", |r| &mut r.wind_cov, "WIND_COV"),
+        rate("OUT_WRENCH_HZ", |r| &mut r.wrench_estimate, "WRENCH_ESTIMATE"),
+        rate("OUT_WIND_HZ", |r| &mut r.wind_estimate, "WIND_ESTIMATE"),
+        rate("OUT_STATE_HZ", |r| &mut r.state_bounds, "STATE_BOUNDS"),
+        rate("OUT_FAULT_HZ", |r| &mut r.fault_status, "FAULT_STATUS, beside every change"),
+        rate("OUT_OBSERVER_HZ", |r| &mut r.observer_status, "OBSERVER_STATUS"),
+        rate("OUT_WINDAP_HZ", |r| &mut r.wind, "WIND, as ArduPilot sends it"),
+    ];
+    for r in REGISTRY {
+        let runs = format!("1: {} runs", r.name);
+        all.push(Parameter::new(format!("{}_EN", r.prefix), runs, 1.0, Of::Observer(r)));
+        for dial in r.dials {
+            let name = format!("{}_{}", r.prefix, dial.suffix);
+            let meaning = format!("{}; 0: as configured", dial.meaning);
+            all.push(Parameter::new(name, meaning, dial.most, Of::Dial(r, dial)));
         }
-    };
-}
-
-const ALL: [Parameter; 13] = [
-    Parameter {
-        name: "OUT_HEARTBEAT_HZ",
-        meaning: "our heartbeat",
-        kind: MavParamType::MAV_PARAM_TYPE_REAL32,
-        most: 50.0,
-        get: |s| s.heartbeat.as_hz().min(50.0),
-        set: |s, hz| s.heartbeat = Rate::hz(hz),
-    },
-    Parameter {
-        name: "OUT_TEXT",
-        meaning: "1: status texts at start and on changes",
-        kind: MavParamType::MAV_PARAM_TYPE_UINT8,
-        most: 1.0,
-        get: |s| f64::from(u8::from(s.status_text)),
-        set: |s, on| s.status_text = on > 0.5,
-    },
-    rate!("OUT_VECT_HZ", debug_vect, "DEBUG_VECT WR_F and WR_T"),
-    rate!("OUT_ARRAY_HZ", wrench_array, "DEBUG_FLOAT_ARRAY 1"),
-    rate!("OUT_BOUNDS_HZ", bound_arrays, "DEBUG_FLOAT_ARRAY 2 and 3"),
-    rate!("OUT_NAMED_HZ", named_values, "NAMED_VALUE_FLOAT, one name at a time"),
-    rate!("OUT_WINDCOV_HZ", wind_cov, "WIND_COV"),
-    rate!("OUT_WRENCH_HZ", wrench_estimate, "WRENCH_ESTIMATE"),
-    rate!("OUT_WIND_HZ", wind_estimate, "WIND_ESTIMATE"),
-    rate!("OUT_STATE_HZ", state_bounds, "STATE_BOUNDS"),
-    rate!("OUT_FAULT_HZ", fault_status, "FAULT_STATUS, beside every change"),
-    rate!("OUT_OBSERVER_HZ", observer_status, "OBSERVER_STATUS"),
-    rate!("OUT_WINDAP_HZ", wind, "WIND, as ArduPilot sends it"),
-];
+    }
+    let most = FaultSettings::RATES[1];
+    all.push(Parameter::new("FLT_ALARMS_HOUR", "bearable false alarms per hour of flight", most, Of::FalseAlarms));
+    all
+});
 
 /// Every parameter, in the order of their indices.
 pub fn all() -> &'static [Parameter] {
@@ -85,56 +145,13 @@ pub fn find(name: &str) -> Option<(usize, &'static Parameter)> {
     ALL.iter().enumerate().find(|(_, p)| p.name == name)
 }
 
-/// What is wrong with the text of a parameter file.
-#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
-pub enum ParameterFileError {
-    #[error("line {line}: `{text}` is no `NAME VALUE`")]
-    Line { line: usize, text: String },
-    #[error("line {line}: there is no parameter `{name}`")]
-    Name { line: usize, name: String },
-}
-
-/// Parameters as text, a `NAME VALUE` a line: what was set by a ground station outlives a restart.
-pub struct ParameterFile;
-
-impl ParameterFile {
-    pub fn write(values: &[(&str, f64)]) -> String {
-        let lines: String = values.iter().map(|(name, value)| format!("{name} {value}\n")).collect();
-        format!("# Set over MAVLink; written by mavobserver.\n{lines}")
-    }
-
-    /// The values of a file.
-    ///
-    /// # Errors
-    /// The first line that is not understood.
-    pub fn values(text: &str) -> Result<Vec<(&'static str, f64)>, ParameterFileError> {
-        let mut values = Vec::new();
-        for (i, text) in text.lines().enumerate() {
-            let (line, text) = (i + 1, text.trim());
-            if text.is_empty() || text.starts_with('#') {
-                continue;
-            }
-            let pair = text.split_once(char::is_whitespace);
-            let parsed = pair.and_then(|(name, value)| Some((name, value.trim().parse::<f64>().ok()?)));
-            let Some((name, value)) = parsed else {
-                return Err(ParameterFileError::Line { line, text: text.to_owned() });
-            };
-            let Some((_, parameter)) = find(name) else {
-                return Err(ParameterFileError::Name { line, name: name.to_owned() });
-            };
-            values.push((parameter.name, value));
-        }
-        Ok(values)
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
 
     #[test]
     fn names_fit_and_differ() {
-        let mut names: Vec<_> = ALL.iter().map(|p| p.name).collect();
+        let mut names: Vec<_> = ALL.iter().map(|p| p.name.as_str()).collect();
         assert!(names.iter().all(|n| n.len() <= 16 && n.is_ascii()));
         names.sort_unstable();
         names.dedup();
@@ -143,7 +160,7 @@ mod tests {
 
     #[test]
     fn values_are_clamped_and_nonsense_changes_nothing() {
-        let mut settings = OutputSettings::default();
+        let mut settings = StationSettings::default();
         let (_, rate) = find("OUT_WIND_HZ").unwrap();
         assert_eq!(rate.set(&mut settings, 25.0), 25.0);
         assert_eq!(rate.set(&mut settings, f64::NAN), 25.0);
@@ -154,11 +171,19 @@ mod tests {
     }
 
     #[test]
-    fn a_file_brings_back_what_was_set() {
-        let set = [("OUT_NAMED_HZ", 2.5), ("OUT_TEXT", 0.0)];
-        assert_eq!(ParameterFile::values(&ParameterFile::write(&set)).unwrap(), set);
-        let told = |text: &str| ParameterFile::values(text).unwrap_err().to_string();
-        assert_eq!(told("# fine\nOUT_WIND_HZ\n"), "line 2: `OUT_WIND_HZ` is no `NAME VALUE`");
-        assert_eq!(told("OUT_WIN_HZ 3"), "line 1: there is no parameter `OUT_WIN_HZ`");
+    fn an_observer_is_paused_and_its_options_are_turned() {
+        let mut settings = StationSettings::default();
+        let set = |settings: &mut StationSettings, name: &str, value| find(name).unwrap().1.set(settings, value);
+        assert_eq!(set(&mut settings, "QB_ALPHA_F", 2.0), 0.0, "nothing to turn before it runs");
+        assert_eq!(set(&mut settings, "QB_EN", 1.0), 1.0);
+        assert_eq!(set(&mut settings, "QB_ALPHA_F", 2.0), 2.0);
+        assert_eq!(set(&mut settings, "QB_ALPHA_F", 1e-9), 0.5, "the least there is");
+        assert_eq!(set(&mut settings, "QB_EN", 0.0), 0.0);
+        assert_eq!(set(&mut settings, "QB_EN", 1.0), 1.0);
+        let options = &settings.tuning.observers[0].options;
+        assert_eq!(options.get("alpha_force"), Some(&OptionValue::Number(0.5)), "options outlive a pause");
+        assert_eq!(set(&mut settings, "QB_ALPHA_F", 0.0), 0.0);
+        assert_eq!(settings.tuning.observers, [ObserverSetting::named("quadratic_bounded")]);
+        assert_eq!(set(&mut settings, "FLT_ALARMS_HOUR", 0.0), FaultSettings::RATES[0]);
     }
 }

@@ -28,6 +28,8 @@ pub const REGISTRATION: Registration = Registration {
         "gnss_delay_s",
         "barometer",
     ],
+    prefix: "INS",
+    dials: &[],
     standard: true,
     builder,
 };

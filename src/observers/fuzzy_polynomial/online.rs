@@ -14,6 +14,8 @@ pub const REGISTRATION: Registration = Registration {
     estimates: "body rates (FRD) from attitude and rotors, without the gyro",
     needs: &[Channel::Attitude, Channel::Actuators],
     options: &["alpha"],
+    prefix: "FPO",
+    dials: &[],
     // its gains take seconds, unless they are kept
     standard: false,
     builder,

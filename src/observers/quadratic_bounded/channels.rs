@@ -1,7 +1,7 @@
 use super::filter::Filter;
 use super::online::WrenchObserver;
 use super::{NoiseBlock, SampledDesign, SampledPlant, design_cached};
-use crate::observers::{BuildError, Observer, Options, Registration};
+use crate::observers::{BuildError, Dial, Observer, Options, Registration};
 use crate::signal::Channel;
 use crate::vehicle::{GRAVITY_MPS2, Vehicle};
 use nalgebra::{DMatrix, dmatrix};
@@ -15,6 +15,23 @@ pub const REGISTRATION: Registration = Registration {
     estimates: "residual force (NED) and torque (FRD) with bounds",
     needs: &[Channel::Imu, Channel::Attitude, Channel::Velocity, Channel::Actuators],
     options: &["alpha_force", "alpha_torque", "gust_s", "gust_factor"],
+    prefix: "QB",
+    dials: &[
+        Dial {
+            suffix: "ALPHA_F",
+            option: "alpha_force",
+            least: ALPHA[0],
+            most: ALPHA[1],
+            meaning: "decay rate of the force bounds, 1/s",
+        },
+        Dial {
+            suffix: "ALPHA_T",
+            option: "alpha_torque",
+            least: ALPHA[0],
+            most: ALPHA[1],
+            meaning: "decay rate of the torque bounds, 1/s",
+        },
+    ],
     standard: true,
     builder,
 };
@@ -22,6 +39,8 @@ pub const REGISTRATION: Registration = Registration {
 /// Sample times at which the designs are certified, s: one for fast streams, one for slow ones.
 const FAST_DT_S: [f64; 8] = [0.004, 0.007, 0.01, 0.015, 0.023, 0.04, 0.07, 0.12];
 const SLOW_DT_S: [f64; 6] = [0.04, 0.07, 0.12, 0.2, 0.33, 0.55];
+/// Least and greatest decay rate that is designed for, 1/s.
+const ALPHA: [f64; 2] = [0.5, 20.0];
 /// Steepest lean at which the noise bounds of the level axes are designed, rad.
 const LEAN_RAD: f64 = 0.6;
 /// Share of the torque envelope by which the modelled actuator torque may be wrong at any instant.
@@ -127,8 +146,9 @@ impl Channels {
 
 fn builder(vehicle: &Vehicle, options: &mut Options) -> Result<Box<dyn Observer>, BuildError> {
     let option = |source| BuildError::Option { observer: REGISTRATION.name, source };
-    let alpha_force = options.number("alpha_force", 0.5, 20.0).map_err(option)?.unwrap_or(4.0);
-    let alpha_torque = options.number("alpha_torque", 0.5, 20.0).map_err(option)?.unwrap_or(8.0);
+    let [lo, hi] = ALPHA;
+    let alpha_force = options.number("alpha_force", lo, hi).map_err(option)?.unwrap_or(4.0);
+    let alpha_torque = options.number("alpha_torque", lo, hi).map_err(option)?.unwrap_or(8.0);
     let hold_s = options.number("gust_s", 0.0, 10.0).map_err(option)?.unwrap_or(0.5);
     let gust_factor = options.number("gust_factor", 1.0, 100.0).map_err(option)?.unwrap_or(4.0);
     let bounds = bounds_of(vehicle);

@@ -24,6 +24,8 @@ pub const REGISTRATION: Registration = Registration {
         "other_pitch_kgm2",
         "other_yaw_kgm2",
     ],
+    prefix: "UIO",
+    dials: &[],
     standard: true,
     builder,
 };

@@ -14,6 +14,8 @@ pub const REGISTRATION: Registration = Registration {
     estimates: "intervals of position, velocity, attitude and body rate; which output contradicts the model",
     needs: &[Channel::Imu, Channel::Attitude, Channel::Velocity, Channel::Actuators],
     options: &["mode", "order", "reduction", "outputs"],
+    prefix: "ZKF",
+    dials: &[],
     standard: true,
     builder,
 };
