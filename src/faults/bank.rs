@@ -38,7 +38,7 @@ pub struct FaultBank {
     fixes: Fixes,
     height: Height,
     field: Field,
-    rotors: Rotors,
+    pub(super) rotors: Rotors,
     speed: Speed,
     weight: Weight,
     flying_s: f64,

@@ -12,6 +12,7 @@
 //! | `height` | barometer against vertical velocity | barometer |
 //! | `field` | magnetic field, by the vehicle's attitude, against what it was | magnetometer |
 //! | `rotors` | torque against what each rotor's loss would leave | rotor |
+//! | `health` | what each rotor gave over a flight, fault or none | |
 //! | `speed` | measured rotor speed against its command | rotor |
 //! | `weight` | force along the thrust axis against weight | payload |
 //! | `averaged` | the smoothed difference of two sources against chance | |
@@ -29,6 +30,7 @@ mod bank;
 mod fault;
 mod field;
 mod fixes;
+mod health;
 mod height;
 mod inertial;
 mod level;
@@ -43,4 +45,5 @@ mod tests;
 
 pub use bank::FaultBank;
 pub use fault::{Active, Fault};
+pub use health::RotorHealth;
 pub use settings::FaultSettings;

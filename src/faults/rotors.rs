@@ -1,3 +1,4 @@
+use super::health::Account;
 use super::monitor::Monitor;
 use super::weight::LEVER;
 use crate::signal::{Guarantee, MAX_ROTORS, Measurement, Residual};
@@ -71,6 +72,7 @@ pub(super) struct Rotors {
     monitors: [Monitor; MAX_ROTORS],
     quick_monitors: [Monitor; MAX_ROTORS],
     loss: [f64; MAX_ROTORS],
+    accounts: [Account; MAX_ROTORS],
 }
 
 impl Rotors {
@@ -98,6 +100,7 @@ impl Rotors {
             monitors: [Monitor::new(0.8, 1.5); MAX_ROTORS],
             quick_monitors: [Monitor::new(0.06, 3.0); MAX_ROTORS],
             loss: [0.0; MAX_ROTORS],
+            accounts: [Account::new(); MAX_ROTORS],
         }
     }
 
@@ -146,6 +149,7 @@ impl Rotors {
                 let ratio = loss.max(0.0) / SLOW_LOSS;
                 let ratio = if fits && !is_load { ratio } else { ratio.min(0.9) };
                 self.monitors[i].see(ratio, m.stamp, m.dt_s);
+                self.accounts[i].see(1.0 - self.share_lost(i), m.dt_s);
             }
             let (loss, fits) = share(quick);
             if self.quick.settled() {
@@ -187,9 +191,18 @@ impl Rotors {
         let (monitor, admissible) =
             if quick { (&self.quick_monitors[i], QUICK_LOSS) } else { (&self.monitors[i], SLOW_LOSS) };
         let guarantee = Guarantee::Statistical(0.999);
-        // of what is asked of it now, which a controller has raised
-        let value = (self.loss[i] * self.hover_n / self.asked_n[i].max(0.3 * self.hover_n)).min(1.0);
+        let value = self.share_lost(i).min(1.0);
         Some((i as u8, or, monitor, Residual { name: "rotor_loss", value, admissible, guarantee }))
+    }
+
+    /// Share that a rotor lacks of what is asked of it now, which a controller has raised.
+    fn share_lost(&self, i: usize) -> f64 {
+        self.loss[i] * self.hover_n / self.asked_n[i].max(0.3 * self.hover_n)
+    }
+
+    /// What each rotor gave so far.
+    pub fn accounts(&self) -> &[Account] {
+        &self.accounts[..self.count]
     }
 
     /// Rotors one above the other leave the same torque about roll and pitch. They turn against each other, so the yaw

@@ -3,7 +3,7 @@ use crate::signal::{
     Actuation, Aged, Barometer, FixType, GnssFix, Guarantee, Held, Imu, MAX_ROTORS, MagField, MagSource, Measurement,
     Residual, RotorCommands, Stamp,
 };
-use crate::vehicle::{GRAVITY_MPS2, Spin, Vehicle, resolve};
+use crate::vehicle::{Air, GRAVITY_MPS2, Spin, Vehicle, resolve};
 use nalgebra::{UnitQuaternion, Vector3};
 
 /// A copter that hovers, with every sensor, 50 Hz; a fix in five steps.
@@ -136,6 +136,24 @@ fn weak(h: &Hover, rotor: usize, loss: f64) -> impl Fn(&mut Measurement) + use<>
         a.torque_frd_nm += r.position_frd_m.cross(&lacking);
         a.force_frd_n += lacking;
     }
+}
+
+/// Too little to be called a fault, and enough to be seen over a flight.
+#[test]
+fn what_a_rotor_gives_is_known_without_a_fault() {
+    let mut h = Hover::new();
+    h.fly(5.0, |_| {});
+    assert!(h.bank.rotor_health().is_empty(), "before it has flown for long");
+    h.fly(60.0, weak(&h, 2, 0.05));
+    assert_eq!(h.told(), []);
+    let asked_n = h.vehicle.thrust.thrust_n(0.55, Air { voltage_v: None, density_kgm3: None, climb_mps: 0.0 });
+    let expected = 1.0 - 0.05 * h.vehicle.mass_kg.nominal * GRAVITY_MPS2 * 0.25 / asked_n;
+    let health = h.bank.rotor_health();
+    assert_eq!(health.len(), 4);
+    assert!((health[2].mean - expected).abs() < 0.005 && (health[2].least - expected).abs() < 0.005, "{health:?}");
+    // the rotor across looks strong by as much, those beside it look as they are
+    assert!(health[0].mean > 1.0 || health[1].mean > 1.0 || health[3].mean > 1.0, "{health:?}");
+    assert!(health.iter().filter(|r| (r.mean - 1.0).abs() < 0.005).count() >= 2, "{health:?}");
 }
 
 #[test]

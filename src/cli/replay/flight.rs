@@ -41,6 +41,8 @@ pub(super) struct Report {
     pub model_assumed: bool,
     pub stamped: bool,
     pub cut_off: bool,
+    /// When the first stamped frame was received, s since 1970.
+    pub began_unix_s: Option<f64>,
     pub duration_s: f64,
     pub frames: u64,
     pub bad_frames: u64,
@@ -127,6 +129,7 @@ pub(super) fn replay(log: &Path, mut config: Config, wanted: &Outputs<'_>) -> Re
         model_assumed,
         stamped,
         cut_off,
+        began_unix_s: span.map(|(began, _)| began as f64 * 1e-6),
         duration_s,
         frames: link.totals().frames,
         bad_frames: link.bad_frames(),
@@ -134,7 +137,7 @@ pub(super) fn replay(log: &Path, mut config: Config, wanted: &Outputs<'_>) -> Re
         late_frames: link.losses().late,
         naive_lost_frames: link.losses().naive_lost,
         times_real_time: duration_s / started.elapsed().as_secs_f64().max(1e-9),
-        vehicles: summary.vehicles(&link),
+        vehicles: summary.vehicles(&link, &fleet),
     };
     Ok(Flight { report, model, link, curves })
 }

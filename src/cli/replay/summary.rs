@@ -1,5 +1,6 @@
 use super::curves::verdict_name;
-use crate::pipeline::{Snapshot, VehicleId, VehicleKind};
+use crate::faults::RotorHealth;
+use crate::pipeline::{Fleet, Snapshot, VehicleId, VehicleKind};
 use crate::signal::Stamp;
 use crate::wire::message_info;
 use crate::wire::stats::{LinkStats, Source};
@@ -58,6 +59,8 @@ pub struct VehicleSummary {
     /// Steps by verdict.
     pub verdicts: BTreeMap<&'static str, u64>,
     pub wind: Vec<WindRow>,
+    /// In the model's order; empty if no rotor was seen in flight.
+    pub rotors: Vec<RotorRow>,
     pub notices: Vec<Notice>,
 }
 
@@ -89,6 +92,16 @@ pub struct WindRow {
     /// Mean half-width of the horizontal components; `None` where nothing is claimed.
     pub half_width_mps: Option<f64>,
     pub force_n: f64,
+}
+
+/// What a rotor gave of the thrust that was asked of it, each taken for the only weak one.
+#[derive(Debug, Clone, Copy, Serialize)]
+pub struct RotorRow {
+    /// As the autopilot counts them, from 1.
+    pub rotor: usize,
+    pub mean_effectiveness: f64,
+    pub least_effectiveness: f64,
+    pub observed_s: f64,
 }
 
 impl Summary {
@@ -131,8 +144,9 @@ impl Summary {
         x.force += s.wrench.map_or(0.0, |w| w.force_ned_n.norm());
     }
 
-    pub fn vehicles(&self, link: &LinkStats) -> Vec<VehicleSummary> {
-        self.tracks.iter().map(|(id, t)| t.summary(*id, streams(*id, link))).collect()
+    pub fn vehicles(&self, link: &LinkStats, fleet: &Fleet) -> Vec<VehicleSummary> {
+        let of = |(id, t): (&VehicleId, &Track)| t.summary(*id, streams(*id, link), rotors(*id, fleet));
+        self.tracks.iter().map(of).collect()
     }
 }
 
@@ -150,8 +164,20 @@ fn streams(id: VehicleId, link: &LinkStats) -> Vec<Stream> {
     STREAMS.iter().filter_map(of).collect()
 }
 
+fn rotors(id: VehicleId, fleet: &Fleet) -> Vec<RotorRow> {
+    let chain = fleet.vehicles().find(|(known, ..)| *known == id).and_then(|(.., chain)| chain);
+    let health = chain.map(|c| c.faults().rotor_health()).unwrap_or_default();
+    let row = |(i, h): (usize, RotorHealth)| RotorRow {
+        rotor: i + 1,
+        mean_effectiveness: h.mean,
+        least_effectiveness: h.least,
+        observed_s: h.observed_s,
+    };
+    health.into_iter().enumerate().map(row).collect()
+}
+
 impl Track {
-    fn summary(&self, id: VehicleId, streams: Vec<Stream>) -> VehicleSummary {
+    fn summary(&self, id: VehicleId, streams: Vec<Stream>, rotors: Vec<RotorRow>) -> VehicleSummary {
         let kind = self.kind.unwrap_or(VehicleKind { autopilot: 0, mav_type: 0 });
         VehicleSummary {
             system: id.system,
@@ -169,6 +195,7 @@ impl Track {
             wind_share: if self.steps > 0 { self.with_wind as f64 / self.steps as f64 } else { 0.0 },
             verdicts: self.verdicts.clone(),
             wind: self.wind_rows(),
+            rotors,
             notices: self.notices.iter().map(|(boot_s, text)| Notice { boot_s: *boot_s, text: text.clone() }).collect(),
         }
     }
@@ -224,6 +251,17 @@ impl VehicleSummary {
             let verdicts: Vec<String> =
                 self.verdicts.iter().map(|(name, n)| format!("{name} {:.1} %", share(*n))).collect();
             let _ = writeln!(s, "  steps     {}", verdicts.join(", "));
+        }
+        if !self.rotors.is_empty() {
+            let each = |r: &RotorRow| {
+                format!(
+                    "{} {:.0} % (least {:.0} %)",
+                    r.rotor,
+                    100.0 * r.mean_effectiveness,
+                    100.0 * r.least_effectiveness
+                )
+            };
+            let _ = writeln!(s, "  rotors    {}", self.rotors.iter().map(each).collect::<Vec<_>>().join(", "));
         }
         for n in &self.notices {
             let _ = writeln!(s, "  {:>7.1} s {}", n.boot_s, n.text);

@@ -17,11 +17,15 @@ pub(super) struct Reload<R> {
 }
 
 impl<R: Fn() -> Result<Config, Failure>> Reload<R> {
-    /// Reads the config again and applies what may change while links run. A config with mistakes changes nothing.
-    fn apply(&self) {
+    /// Reads the config again and applies what may change while links run. A config with mistakes changes nothing. Gives
+    /// what became of it, in a few words.
+    fn apply(&self) -> &'static str {
         let config = match (self.read)() {
             Ok(config) => config,
-            Err(error) => return error!("the config is not taken over: {error}"),
+            Err(error) => {
+                error!("the config is not taken over: {error}");
+                return "running by the config of before: the new one has mistakes";
+            }
         };
         let mut rules = Vec::with_capacity(self.names.len());
         for name in &self.names {
@@ -36,6 +40,7 @@ impl<R: Fn() -> Result<Config, Failure>> Reload<R> {
         }
         self.control.set_rules(rules, config.duplicates);
         info!("filters, rate limits and groups are as the config says now");
+        "reloaded"
     }
 }
 
@@ -62,8 +67,7 @@ pub(super) async fn until_stopped<R: Fn() -> Result<Config, Failure>>(
                 }
                 Signal::Reload => {
                     manager::tell_reloading();
-                    reload.apply();
-                    manager::tell_ready("reloaded");
+                    manager::tell_ready(reload.apply());
                 }
             },
         }
