@@ -9,7 +9,7 @@ use super::bank::FaultBank;
 pub struct RotorHealth {
     /// Mean effectiveness; 1 is what the model says.
     pub mean: f64,
-    /// The least over any [`SMOOTHED_S`] seconds or so.
+    /// The least, gusts of less than five seconds left out.
     pub least: f64,
     /// For how long it was looked at, s.
     pub observed_s: f64,
