@@ -58,6 +58,7 @@ pub use error::DaemonError;
 pub use estimator::Estimator;
 pub use guard::TimesError;
 pub use keeper::KeeperError;
+pub(crate) use lock::lock;
 pub use router::LinkId;
 pub use service::{Control, Daemon, Summary};
 pub use settings::Settings;

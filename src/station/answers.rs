@@ -103,16 +103,8 @@ pub fn answer(
             say(value(index, parameter, settings));
             changed.then_some(Change::Parameter(&parameter.name))
         }
-        COMMAND_LONG => command(
-            frame,
-            f.u16(28),
-            [f.f32(0), f.f32(4)],
-            to_component == component,
-            &mut settings.outputs,
-            boot_ms,
-            say,
-        ),
-        COMMAND_INT => command(
+        // both have the first two parameters and the command at the same place
+        COMMAND_LONG | COMMAND_INT => command(
             frame,
             f.u16(28),
             [f.f32(0), f.f32(4)],

@@ -1,6 +1,7 @@
 use crate::cli::Failure;
 use crate::cli::sim::Air;
 use crate::config::LinkUrl;
+use crate::daemon::lock;
 use crate::evaluate::TruthTrack;
 use crate::outputs::OutputSettings;
 use crate::signal::Stamp;
@@ -11,7 +12,7 @@ use crate::sim::{Run, RunOptions};
 use crate::wire::{Event, datagram};
 use std::net::SocketAddr;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
-use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::sync::{Arc, Mutex};
 use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
 
 /// The simulated vehicle, flying at its own pace in a thread of its own, and the truth about it.
@@ -105,9 +106,4 @@ fn fly(mut run: Run, mut air: Air, shared: &Shared) {
 fn answers_the_daemon(event: &Event<'_>) -> bool {
     let Event::Frame(frame) = event else { return false };
     frame.target().is_some_and(|(_, component)| component == OutputSettings::COMPONENT)
-}
-
-/// What is inside, also after a panic of the other side: every value in it is whole.
-fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
-    mutex.lock().unwrap_or_else(PoisonError::into_inner)
 }

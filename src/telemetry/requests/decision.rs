@@ -40,7 +40,7 @@ impl StreamRequester {
         }
         let course = if steps.is_empty() { "not asked for yet".to_owned() } else { steps.join("; ") };
         let channel = if let Subject::Channel(channel) = subject { Some(channel) } else { None };
-        let enough = optional || super::is_good(measured_hz, wanted_hz);
+        let enough = optional || super::judge::is_good(measured_hz, wanted_hz);
         Decision { channel, wanted_hz, measured_hz, enough, course }
     }
 }

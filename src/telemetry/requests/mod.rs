@@ -19,18 +19,24 @@
 
 mod carriers;
 mod decision;
+mod judge;
+mod need;
 mod notice;
 mod pace;
 mod rate;
+mod stream;
+mod want;
 
 pub use carriers::carried_by;
 pub use decision::Decision;
+pub use need::{Autopilot, Need, Request};
 pub use notice::{Cause, Notice};
 
-use crate::signal::Channel;
 use carriers::{Subject, carriers};
 use pace::Pace;
 use rate::RateMeter;
+use stream::{Asked, Before, Stream, Target};
+use want::{Want, WantState};
 
 /// Nothing is judged in this first time, so that running streams are seen before any is asked for.
 const LOOK_FIRST_MS: u64 = 3_500;
@@ -45,201 +51,13 @@ const SETTLE_MS: u64 = 5_500;
 const ABSENT_MS: u64 = 3_000;
 /// A parameter transfer slows the streams of ArduPilot down; it is over when this long no parameter came.
 const PARAMETER_QUIET_MS: u64 = 2_000;
-/// First and longest wait before an unmet channel is asked for again.
+/// First wait before an unmet channel is asked for again.
 const FIRST_REST_MS: u64 = 10_000;
-const LONGEST_REST_MS: u64 = 300_000;
-/// A channel that was met for this long starts over with short rests.
-const FORGIVEN_MS: u64 = 60_000;
-/// Parts of the wanted rate: below `GOOD` ask; below `ENOUGH` after asking report; below `LOST` later, ask again.
-const GOOD: f64 = 0.9;
-const ENOUGH: f64 = 0.5;
-const LOST: f64 = 0.4;
-/// A frame more or less within the time over which rates are measured, Hz.
-const FRAME_HZ: f64 = 0.25;
-
-/// HEARTBEAT's `autopilot` field, as far as it changes what is asked for.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Autopilot {
-    ArduPilot,
-    Px4,
-    Other,
-}
-
-impl Autopilot {
-    /// From the value of MAV_AUTOPILOT; `None` for MAV_AUTOPILOT_INVALID, which is no autopilot.
-    pub fn from_mav(autopilot: u8) -> Option<Self> {
-        match autopilot {
-            3 => Some(Self::ArduPilot),
-            8 => None,
-            12 => Some(Self::Px4),
-            _ => Some(Self::Other),
-        }
-    }
-}
-
-/// One thing to ask a vehicle for.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub enum Request {
-    /// COMMAND_LONG with MAV_CMD_GET_MESSAGE_INTERVAL (510): param1 the message.
-    TellInterval { message_id: u32 },
-    /// COMMAND_LONG with MAV_CMD_SET_MESSAGE_INTERVAL (511): param1 the message, param2 the interval in µs.
-    MessageInterval { message_id: u32, interval_us: f32 },
-    /// REQUEST_DATA_STREAM (66): a MAV_DATA_STREAM at a rate in Hz.
-    DataStream { stream_id: u8, rate_hz: u16 },
-}
-
 /// MAV_CMD_GET_MESSAGE_INTERVAL and MAV_CMD_SET_MESSAGE_INTERVAL: the commands whose COMMAND_ACK belongs to
 /// [`StreamRequester::command_ack`].
 pub const GET_MESSAGE_INTERVAL: u16 = 510;
 pub const SET_MESSAGE_INTERVAL: u16 = 511;
 const PARAM_VALUE: u32 = 22;
-
-/// A channel and the rate at which the observers want it.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Need {
-    pub channel: Channel,
-    pub rate_hz: f64,
-    /// The estimates are better with it and can be had without: its absence is not reported.
-    pub optional: bool,
-}
-
-impl Need {
-    /// Usual rate of the channels that move an observer's state.
-    pub const FAST_HZ: f64 = 50.0;
-
-    /// The rate that serves the observers without filling a telemetry radio.
-    pub fn at_default_rate(channel: Channel) -> Self {
-        let rate_hz = match channel {
-            Channel::Imu | Channel::Attitude | Channel::Velocity | Channel::Actuators => Self::FAST_HZ,
-            Channel::Magnetometer | Channel::Rpm => 10.0,
-            Channel::Gnss | Channel::Pressure => 5.0,
-            Channel::Battery => 1.0,
-        };
-        Self { channel, rate_hz, optional: false }
-    }
-
-    /// The same channel, welcome but not needed.
-    pub fn optional(self) -> Self {
-        Self { optional: true, ..self }
-    }
-}
-
-/// What became of the last request for a message or group.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-enum Asked {
-    /// Not yet, or not since it was given up; `attempts` went without an answer.
-    No {
-        attempts: u32,
-        not_before_ms: u64,
-    },
-    /// The one open command.
-    Open {
-        since_ms: u64,
-        attempt: u32,
-    },
-    Granted {
-        at_ms: u64,
-    },
-    Refused,
-    Unanswered,
-}
-
-const NOT_ASKED: Asked = Asked::No { attempts: 0, not_before_ms: 0 };
-
-/// What is known of a message's interval before the first request of ours.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-enum Before {
-    NotAsked,
-    /// The one open command.
-    Open {
-        since_ms: u64,
-    },
-    /// The vehicle does not say; whether the message came all the same.
-    Untold {
-        came: bool,
-    },
-    /// In the words of MESSAGE_INTERVAL.
-    Told {
-        interval_us: i32,
-    },
-}
-
-/// One message or group that may be asked for.
-#[derive(Debug)]
-struct Stream {
-    request: Target,
-    asked: Asked,
-    before: Before,
-    /// The rate of the last request that the vehicle may have obeyed, Hz; 0 where there is none.
-    asked_hz: f64,
-    /// It is to be asked for once more, at another pace.
-    again: bool,
-    rate: RateMeter,
-}
-
-impl Stream {
-    fn new(request: Target, now_ms: u64) -> Self {
-        let (asked, before, rate) = (NOT_ASKED, Before::NotAsked, RateMeter::new(now_ms));
-        Self { request, asked, before, asked_hz: 0.0, again: false, rate }
-    }
-
-    /// Is it a message that was granted, as far as we know?
-    fn runs(&self) -> bool {
-        matches!((self.request, self.asked), (Target::Message(_), Asked::Granted { .. } | Asked::Unanswered))
-    }
-
-    /// Was it asked for so lately that its rate says nothing yet?
-    fn unsettled(&self, now_ms: u64) -> bool {
-        match self.asked {
-            Asked::Open { .. } => true,
-            Asked::Granted { at_ms } => self.again || now_ms.saturating_sub(at_ms) < SETTLE_MS,
-            _ => matches!(self.before, Before::Open { .. }),
-        }
-    }
-
-    /// The vehicle does not say at which interval it sends this.
-    fn untold(&mut self, now_ms: u64) {
-        if let Before::Open { .. } = self.before {
-            self.before = Before::Untold { came: self.rate.hz(now_ms) > 0.0 };
-        }
-    }
-}
-
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-enum Target {
-    Message(u32),
-    Group(u8),
-}
-
-#[derive(Debug)]
-struct Want {
-    subject: Subject,
-    rate_hz: f64,
-    /// Nobody is told when it is missing.
-    optional: bool,
-    /// Indices into `streams`: messages, then groups.
-    streams: Vec<usize>,
-    state: WantState,
-    reported: bool,
-    rest_ms: u64,
-}
-
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-enum WantState {
-    Asking,
-    /// Arrives well enough since then.
-    Met {
-        since_ms: u64,
-    },
-    /// Given up until then.
-    Resting {
-        until_ms: u64,
-    },
-}
-
-fn is_good(measured_hz: f64, wanted_hz: f64) -> bool {
-    measured_hz + FRAME_HZ >= GOOD * wanted_hz
-}
 
 /// Asks one vehicle for message streams. See the [module](self).
 #[derive(Debug)]
@@ -466,109 +284,6 @@ impl StreamRequester {
         open
     }
 
-    /// Moves one want on; returns the stream that it would like to ask for now.
-    fn judge(&mut self, index: usize, unsettled: bool, now_ms: u64, notice: &mut dyn FnMut(Notice)) -> Option<usize> {
-        let measured_hz = self.measured_hz(index, now_ms);
-        let want = &mut self.wants[index];
-        let wanted_hz = self.pace.of(want.rate_hz);
-        match want.state {
-            WantState::Met { since_ms } => {
-                if measured_hz >= LOST * wanted_hz {
-                    if now_ms.saturating_sub(since_ms) > FORGIVEN_MS {
-                        want.rest_ms = FIRST_REST_MS;
-                    }
-                    return None;
-                }
-                // it stopped: ask again, but not more often than an unmet want may
-                let rest = if now_ms.saturating_sub(since_ms) > FORGIVEN_MS { 0 } else { want.rest_ms };
-                want.state = WantState::Resting { until_ms: now_ms + rest };
-                return None;
-            }
-            WantState::Resting { until_ms } => {
-                if !is_good(measured_hz, wanted_hz) {
-                    if now_ms >= until_ms {
-                        want.rest_ms = (want.rest_ms * 2).min(LONGEST_REST_MS);
-                        want.state = WantState::Asking;
-                        for &stream in &want.streams {
-                            if !matches!(self.streams[stream].asked, Asked::Open { .. }) {
-                                self.streams[stream].asked = NOT_ASKED;
-                            }
-                        }
-                    }
-                    return None;
-                }
-            }
-            WantState::Asking => {}
-        }
-        if is_good(measured_hz, wanted_hz) {
-            self.settle(index, measured_hz, now_ms, notice);
-            return None;
-        }
-        let (mut refused, mut granted) = (false, false);
-        for &stream in &self.wants[index].streams {
-            let comes = self.streams[stream].rate.hz(now_ms) > 0.0;
-            match self.streams[stream].asked {
-                Asked::No { not_before_ms, .. } => return (now_ms >= not_before_ms).then_some(stream),
-                Asked::Open { .. } => return None,
-                Asked::Granted { at_ms } if now_ms.saturating_sub(at_ms) < SETTLE_MS => return None,
-                // the answer was lost, and it was granted
-                Asked::Unanswered if comes => {
-                    granted = true;
-                    if unsettled {
-                        return None;
-                    }
-                    break;
-                }
-                Asked::Granted { .. } => {
-                    let stream = &mut self.streams[stream];
-                    let arrives = match stream.request {
-                        Target::Message(_) => {
-                            granted = true;
-                            comes
-                        }
-                        // a group is obeyed without an answer: what it brings shows in the messages' rates
-                        Target::Group(_) => measured_hz > 0.0,
-                    };
-                    if arrives && unsettled {
-                        // several slow ones together are the link's doing: see `keep_pace`
-                        return None;
-                    }
-                    if arrives {
-                        break;
-                    }
-                }
-                Asked::Refused => refused = true,
-                Asked::Unanswered => {}
-            }
-        }
-        if measured_hz >= ENOUGH * wanted_hz {
-            self.settle(index, measured_hz, now_ms, notice);
-            return None;
-        }
-        let cause = match (granted, refused) {
-            (true, _) if measured_hz > 0.0 => Cause::Slow,
-            (true, _) => Cause::Silent,
-            (false, true) => Cause::Refused,
-            (false, false) => Cause::Unanswered,
-        };
-        let want = &mut self.wants[index];
-        want.state = WantState::Resting { until_ms: now_ms + want.rest_ms };
-        if let (Subject::Channel(channel), false, false) = (want.subject, want.reported, want.optional) {
-            want.reported = true;
-            notice(Notice::Unmet { channel, wanted_hz: want.rate_hz, measured_hz, cause });
-        }
-        None
-    }
-
-    fn settle(&mut self, index: usize, measured_hz: f64, now_ms: u64, notice: &mut dyn FnMut(Notice)) {
-        let want = &mut self.wants[index];
-        want.state = WantState::Met { since_ms: now_ms };
-        if let (Subject::Channel(channel), true) = (want.subject, want.reported) {
-            want.reported = false;
-            notice(Notice::Met { channel, measured_hz });
-        }
-    }
-
     fn ask(&mut self, index: usize, now_ms: u64) -> Request {
         // messages serve several channels: ask at the rate of the most demanding
         let wanting = self.wants.iter().filter(|w| w.streams.contains(&index));
@@ -608,44 +323,6 @@ impl StreamRequester {
             Target::Group(_) => false,
         });
         members.map(|s| s.rate.hz(now_ms)).fold(0.0, f64::max)
-    }
-
-    /// Slows all fast messages down to what the link carries, and tries more of it later.
-    fn keep_pace(&mut self, now_ms: u64, notice: &mut dyn FnMut(Notice)) {
-        if self.streams.iter().any(|s| s.unsettled(now_ms)) {
-            return;
-        }
-        let mut observed = pace::Observed::default();
-        for stream in &mut self.streams {
-            if stream.runs() {
-                if stream.rate.hz(now_ms) > 0.0 && pace::is_fast(stream.asked_hz) && !stream.rate.flows(now_ms) {
-                    // it stopped, as all do at a reboot: that says nothing of what the link carries
-                    return;
-                }
-                observed.add(stream.asked_hz, stream.rate.hz(now_ms));
-            }
-        }
-        let before = self.pace.factor();
-        if !self.pace.adapt(&observed, now_ms) {
-            return;
-        }
-        for stream in &mut self.streams {
-            stream.again = stream.runs() && pace::is_fast(stream.asked_hz);
-        }
-        if self.pace.factor() < before {
-            let fastest_hz = self.wants.iter().map(|w| w.rate_hz).fold(0.0, f64::max);
-            let asked_hz = self.pace.of(fastest_hz);
-            notice(Notice::Slowed { wanted_hz: fastest_hz, asked_hz });
-        }
-    }
-
-    /// The rate of the fastest message that carries the want, Hz.
-    fn measured_hz(&mut self, index: usize, now_ms: u64) -> f64 {
-        let mut fastest: f64 = 0.0;
-        for &stream in &self.wants[index].streams {
-            fastest = fastest.max(self.streams[stream].rate.hz(now_ms));
-        }
-        fastest
     }
 }
 
