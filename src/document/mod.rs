@@ -87,6 +87,12 @@ mod tests {
     }
 
     #[test]
+    fn single_brackets_for_double_ones_are_told() {
+        let found = issues("[observer]\nname = 'x'\n", |t| t.require("observer")?.list().map(|_| ()));
+        assert!(found[0].to_string().contains("begin each entry with `[[observer]]`"), "{}", found[0]);
+    }
+
+    #[test]
     fn every_issue_is_reported_in_the_order_of_the_file() {
         let found = issues("a = -1\nb = 'x'\nc = nan\n", |t| {
             let c = t.require("c").and_then(|v| v.number(Limit::Any));

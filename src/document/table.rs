@@ -273,7 +273,13 @@ impl<'d> Value<'d> {
     }
 
     fn mistyped<T>(&self, wanted: &str) -> Option<T> {
-        self.problem(format!("must be {wanted}, not a {}", self.value.type_str()), "");
+        let is = self.value.type_str();
+        let advice = match (wanted, is) {
+            // the mistake that TOML invites
+            ("a list", "table") => format!("begin each entry with `[[{}]]`", self.path),
+            _ => String::new(),
+        };
+        self.problem(format!("must be {wanted}, not a {is}"), &advice);
         None
     }
 
