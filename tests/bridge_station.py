@@ -73,4 +73,7 @@ for seq in range(count):
     item = wait("MISSION_ITEM_INT", lambda m: m.seq == seq, lambda: mav.mission_request_int_send(1, 1, seq))
     back.append([item.command, item.x, item.y, item.z])
 result["fetched"] = back == mission
+# whatever is dropped while the vehicle still speaks is the bridge's doing, so it stays until the vehicle has left
+while time.time() < end and link.recv_match(blocking=True, timeout=1.0) is not None:
+    pass
 print(json.dumps(result), flush=True)
